@@ -69,8 +69,11 @@ gate: setup
 plain:
 	$(PYTHON) .ci/plain_install
 
-# 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
+# Machines, truths and logs spoiled in other places than in the suite, ten times as many; then 10,000 spoiled files
+# for each reader; hours. The suite reads 40 of each.
 fuzz: setup
+	PINOTWIN_FUZZ=1500 $(BIN)/python -m pytest -q tests/test_machine_fuzz.py
+	PINOTWIN_FUZZ=250 $(BIN)/python -m pytest -q tests/test_bad_input_fuzz.py
 	$(BIN)/python -m tests.fuzz --count 10000
 
 # 200 kills over all commands, full disks, folders that may not be written to; half an hour. The suite kills a dozen.

@@ -17,7 +17,6 @@ header, whatever its name.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Container, Iterator, Mapping
@@ -27,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import LogError, MachineError, nearest
+from pinotwin.errors import LogError, nearest
 from pinotwin.log import Log, split_unit
 from pinotwin.units import COUNTS, SI_FACTOR, si_factor
 
@@ -36,7 +35,6 @@ POSITIONS = ("q", "qr", "ql")
 LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 
-_NAME = re.compile(r"[A-Za-z_]\w*$")
 _JOINT_STATE = re.compile(r"(?:.*/)?(?P<joint>[^/]+?)[./](?P<field>position|velocity|effort)$")
 _JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
 
@@ -61,88 +59,6 @@ def is_contract_name(name: str) -> bool:
     if owner:
         return signal in AXIS_SIGNALS or signal in LOAD_SIGNALS
     return name == "t" or name in IMU_SIGNALS
-
-
-def parse_columns(mapping: Mapping[str, object] | None, where: str) -> dict[str, Column]:
-    """Return the columns that the ``columns`` part of a machine.yaml describes.
-
-    Args:
-        mapping: channel -> dict of the fields of :class:`Column`, or just the column's name.
-        where: path of the mapping in the file, for messages (``columns``).
-
-    Raises:
-        MachineError: unknown key, wrong type, unknown unit; the message has the path.
-    """
-    if mapping is None:
-        return {}
-    if not isinstance(mapping, Mapping):
-        raise MachineError(f"{where} must map channels to columns, not {mapping!r}")
-    return {str(name): _column(str(name), entry, where) for name, entry in mapping.items()}
-
-
-def _column(name: str, entry: object, where: str) -> Column:
-    path = f"{where}.{name}"
-    if not (is_contract_name(name) or _NAME.match(name)):
-        signals = (*AXIS_SIGNALS, *LOAD_SIGNALS)
-        raise MachineError(f"{path}: no such signal; {nearest(name.rpartition('.')[2], signals)}")
-    if isinstance(entry, str):
-        return Column(entry)
-    if not isinstance(entry, Mapping):
-        raise MachineError(f"{path} must be a column's name or a mapping, not {entry!r}")
-    known = [field.name for field in dataclasses.fields(Column)]
-    for key in entry:
-        if key not in known:
-            raise MachineError(f"{path}.{key}: unknown key; {nearest(str(key), known)}")
-    column = Column(
-        column=_text(entry, "column", path),
-        unit=_text(entry, "unit", path) or "",
-        factor=_factor(entry, path),
-        offset=_number(entry, "offset", path) or 0.0,
-        rate=_number(entry, "rate", path),
-        wrap=_number(entry, "wrap", path),
-    )
-    _check(column, name, path)
-    return column
-
-
-def _check(column: Column, name: str, path: str) -> None:
-    if column.unit and column.unit.strip() not in SI_FACTOR:
-        hint = nearest(column.unit, SI_FACTOR)
-        raise MachineError(f"{path}.unit: unknown unit {column.unit!r}; {hint}")
-    if column.rate is not None and (name != "t" or column.rate <= 0 or column.column):
-        raise MachineError(f"{path}.rate: only t may have a rate, above 0 Hz and instead of a column")
-    if column.wrap is not None and (name.rpartition(".")[2] not in POSITIONS or column.wrap <= 0):
-        raise MachineError(f"{path}.wrap: only q, qr and ql may wrap, after a range above 0")
-    if column.rate is None and column.column is None:
-        raise MachineError(f"{path}: has no column; add column: <name in the log>")
-
-
-def _text(entry: Mapping[str, object], key: str, path: str) -> str | None:
-    value = entry.get(key)
-    if value is None or isinstance(value, str):
-        return value
-    if isinstance(value, int) and not isinstance(value, bool):
-        return f"[{value}]" if key == "column" else str(value)
-    raise MachineError(f"{path}.{key} must be text, not {value!r}")
-
-
-def _number(entry: Mapping[str, object], key: str, path: str) -> float | None:
-    value = entry.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise MachineError(f"{path}.{key} must be a finite number, not {value!r}")
-    return float(value)
-
-
-def _factor(entry: Mapping[str, object], path: str) -> float | str:
-    value = entry.get("factor")
-    if isinstance(value, str) and value.strip():
-        return value.strip()
-    factor = _number(entry, "factor", path)
-    if factor == 0:
-        raise MachineError(f"{path}.factor is 0, which erases the channel; correct it")
-    return 1.0 if factor is None else factor
 
 
 def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ()) -> Log:
@@ -298,16 +214,7 @@ def _find(log: Log, column: str, name: str) -> str | None:
             )
     if name in log and is_contract_name(name):
         return None
-    raise LogError(f"{log.source}: {name}: no column {column!r}; {_nearest_few(column, log)}")
-
-
-def _nearest_few(column: str, log: Log) -> str:
-    if len(log.channels) <= 12:
-        return nearest(column, log.channels)
-    import difflib
-
-    close = difflib.get_close_matches(column, list(log.channels), n=4, cutoff=0.3)
-    return f"nearest of {len(log.channels)}: {', '.join(close) if close else 'none is similar'}"
+    raise LogError(f"{log.source}: {name}: no column {column!r}; {nearest(column, log.channels)}")
 
 
 def _contradiction(name: str, mapped: str, stated: str | None) -> list[str]:

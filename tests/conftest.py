@@ -8,11 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis.result import Diagnosis
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# The same examples in every run; `make fuzz` (PINOTWIN_FUZZ) looks at others, and at more.
+settings.register_profile("same", derandomize=True)
+settings.register_profile("others", derandomize=False)
+settings.load_profile("others" if "PINOTWIN_FUZZ" in os.environ else "same")
 
 
 SLOW = (

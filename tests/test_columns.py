@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pinotwin.columns import Column, bind, is_contract_name, parse_columns
+from pinotwin.columns import Column, bind, is_contract_name
 from pinotwin.errors import LogError, MachineError
 from pinotwin.log import Log
+from pinotwin.machine.sections import parse_columns
 from pinotwin.units import SI_FACTOR
 
 
@@ -26,8 +27,7 @@ def test_units_factor_offset_and_scalars() -> None:
             "t": {"column": "Time", "unit": "ms"},
             "Y.q": {"column": "Y_ActPos", "unit": "mm", "factor": -1, "offset": 0.5},
             "Y.u": {"column": "Y_Cur", "unit": "A", "factor": "gtau"},
-        },
-        "columns",
+        }
     )
     log = bind(raw_log(), columns)
     np.testing.assert_allclose(log.t, [0.0, 0.004, 0.008])
@@ -55,7 +55,7 @@ def test_a_counter_that_wraps_is_unwrapped_and_its_command_goes_along() -> None:
     q, qr = np.mod(true, 360.0), np.mod(true + 12.0, 360.0)  # the command starts beyond the wrap
     q[50] = np.nan
     entry = {"column": "A_pos", "unit": "deg", "wrap": 360, "factor": -1, "offset": 0.1}
-    columns = parse_columns({"A.q": entry, "A.qr": {**entry, "column": "A_set"}}, "columns")
+    columns = parse_columns({"A.q": entry, "A.qr": {**entry, "column": "A_set"}})
     log = bind(Log({"A_pos": q, "A_set": qr}), columns)
     good = np.isfinite(q)
     np.testing.assert_allclose(log["A.q"][good], 0.1 - np.radians(true[good]), atol=1e-9)
@@ -66,7 +66,7 @@ def test_a_counter_that_wraps_is_unwrapped_and_its_command_goes_along() -> None:
 
 
 def test_a_rate_makes_the_clock() -> None:
-    log = bind(raw_log(), parse_columns({"t": {"rate": 5000}, "Y.q": "Y_ActPos"}, "columns"))
+    log = bind(raw_log(), parse_columns({"t": {"rate": 5000}, "Y.q": "Y_ActPos"}))
     np.testing.assert_allclose(log.t, [0.0, 2e-4, 4e-4])
     assert "t: made from the rate 5000 Hz, not recorded" in log.notes
 
@@ -97,18 +97,18 @@ def test_the_stated_unit_serves_where_the_mapping_has_none() -> None:
 
 
 def test_headers_may_be_written_with_their_unit() -> None:
-    bound = bind(raw_log(units={"Time": "ms"}), parse_columns({"t": "Time (ms)"}, "columns"))
+    bound = bind(raw_log(units={"Time": "ms"}), parse_columns({"t": "Time (ms)"}))
     np.testing.assert_allclose(bound.t, [0.0, 0.004, 0.008])
 
 
 def test_columns_by_index_whatever_the_file_is_called() -> None:
     log = Log({"run_a[0]": [0.0, 1.0], "run_a[1]": [5.0, 6.0]}, "run_a.npy")
-    bound = bind(log, parse_columns({"t": {"column": 0}, "M.q": "[1]"}, "columns"))
+    bound = bind(log, parse_columns({"t": {"column": 0}, "M.q": "[1]"}))
     np.testing.assert_array_equal(bound["M.q"], [5.0, 6.0])
 
 
 def test_a_bound_log_and_a_log_in_si_need_no_mapping() -> None:
-    columns = parse_columns({"t": {"rate": 10}, "Y.q": {"column": "Y_ActPos", "unit": "mm"}}, "c")
+    columns = parse_columns({"t": {"rate": 10}, "Y.q": {"column": "Y_ActPos", "unit": "mm"}})
     bound = bind(raw_log(), columns)
     assert bind(bound, columns) is bound
     own = Log({"t": [0.0, 0.5], "Y.q": [1.0, 2.0]})
@@ -128,22 +128,22 @@ _KEYS = "known: column, factor, offset, rate, unit, wrap"
 _SIGNALS = "known: a, e, fx, fy, fz, mx, my, mz, q, ql, qr, temperature, u, v"
 
 BAD_MAPPINGS: list[tuple[object, str]] = [
-    ([1], "columns must map channels to columns, not [1]"),
+    ([1], "columns: expected keys and values, found [1]"),
     (
         {"Y.q": {"colum": "x"}},
         f"columns.Y.q.colum: unknown key; did you mean 'column'? {_KEYS}",
     ),
-    ({"Y.q": 3.5}, "columns.Y.q must be a column's name or a mapping, not 3.5"),
+    ({"Y.q": 3.5}, "columns.Y.q: expected a column's name or keys and values, found 3.5"),
     ({"Y.q": {}}, "columns.Y.q: has no column; add column: <name in the log>"),
-    ({"Y.q": {"column": [1]}}, "columns.Y.q.column must be text, not [1]"),
+    ({"Y.q": {"column": [1]}}, "columns.Y.q.column: expected text, found [1]"),
     ({"Y.qq": "x"}, f"columns.Y.qq: no such signal; did you mean 'q'? {_SIGNALS}"),
     (
         {"Y.q": {"column": "x", "factor": True}},
-        "columns.Y.q.factor must be a finite number, not True",
+        "columns.Y.q.factor: expected a number, or the name of one in the log, found True",
     ),
     (
         {"Y.q": {"column": "x", "offset": math.nan}},
-        "columns.Y.q.offset must be a finite number, not nan",
+        "columns.Y.q.offset: expected a number, found nan",
     ),
     (
         {"Y.q": {"column": "x", "factor": 0}},
@@ -171,13 +171,13 @@ BAD_MAPPINGS: list[tuple[object, str]] = [
 @pytest.mark.parametrize(("mapping", "message"), BAD_MAPPINGS, ids=[m for _, m in BAD_MAPPINGS])
 def test_mistakes_in_the_mapping(mapping: object, message: str) -> None:
     with pytest.raises(MachineError) as caught:
-        parse_columns(mapping, "columns")  # type: ignore[arg-type]
+        parse_columns(mapping)  # type: ignore[arg-type]
     assert str(caught.value) == message
 
 
 def test_an_unknown_unit_names_the_nearest() -> None:
     with pytest.raises(MachineError, match=r"columns\.Y\.q\.unit: unknown unit 'mmm'; did you mean 'mm'"):
-        parse_columns({"Y.q": {"column": "x", "unit": "mmm"}}, "columns")
+        parse_columns({"Y.q": {"column": "x", "unit": "mmm"}})
 
 
 BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
@@ -204,7 +204,7 @@ BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
 @pytest.mark.parametrize(("mapping", "message"), BAD_BINDINGS, ids=[m for _, m in BAD_BINDINGS])
 def test_mistakes_between_mapping_and_log(mapping: dict[str, object], message: str) -> None:
     with pytest.raises(LogError) as caught:
-        bind(raw_log(), parse_columns(mapping, "columns"))
+        bind(raw_log(), parse_columns(mapping))
     assert str(caught.value) == message
 
 
@@ -237,5 +237,5 @@ def test_of_many_channels_only_the_nearest_are_listed() -> None:
     log = Log({f"rec.pos_{i}": [0.0, 1.0] for i in range(40)}, "x.mat")
     with pytest.raises(LogError) as caught:
         bind(log, {"Y.q": Column("rec.pos_77")})
-    assert str(caught.value).startswith("x.mat: Y.q: no column 'rec.pos_77'; nearest of 40: rec.pos_")
+    assert str(caught.value).startswith("x.mat: Y.q: no column 'rec.pos_77'; did you mean 'rec.pos_")
     assert len(str(caught.value)) < 150

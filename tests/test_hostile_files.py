@@ -28,9 +28,10 @@ COUNT = int(os.environ.get("PINOTWIN_FUZZ_FILES", "40"))
 
 @pytest.mark.parametrize("reader", READERS)
 def test_spoiled_files(reader: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    tally = fuzz(reader, COUNT, tmp_path)
-    assert tally["refused"] + tally["accepted"] == COUNT, capfd.readouterr().err
-    assert tally["refused"] > COUNT // 4
+    count = COUNT // 3 if reader in ("mat", "mat73", "hdf5") else COUNT  # each starts an interpreter
+    tally = fuzz(reader, count, tmp_path)
+    assert tally["refused"] + tally["accepted"] == count, capfd.readouterr().err
+    assert tally["refused"] > count // 4
 
 
 def _ends(path: Path, source: str) -> Content:
@@ -51,34 +52,20 @@ def _floods(path: Path, source: str) -> Content:
     ("loader", "said"),
     [(_ends, "it ended its reader"), (_hangs, "not done after"), (_floods, "more than its size allows for")],
 )
-@pytest.mark.parametrize("fork", [True, False], ids=["fork", "no fork"])
-def test_what_a_reader_suffers_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loader: isolated.Loader, said: str, fork: bool
-) -> None:
-    if not fork:  # as on Windows; a new interpreter has no limit of memory
-        monkeypatch.delattr(os, "fork")
-        if loader is _floods:
-            pytest.skip("the memory is limited where there is a fork")
-    seconds = 0.5 if fork else 300.0 if loader is _ends else 2.0
+def test_what_a_reader_suffers_is_one_line(tmp_path: Path, loader: isolated.Loader, said: str) -> None:
+    seconds = 1.0 if loader is _hangs else 300.0
     (tmp_path / "log.mat").write_bytes(b"x")
     with pytest.raises(LogError, match=said):
         isolated.load(loader, tmp_path / "log.mat", "log.mat", seconds=seconds)
 
 
-def test_without_a_fork_a_file_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_the_users_folder_is_no_module_of_the_reader(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     savemat(tmp_path / "log.mat", {"t": np.arange(30.0), "q": np.arange(30.0) ** 2})
-    (tmp_path / "bad.mat").write_bytes((tmp_path / "log.mat").read_bytes()[:200])
-    here = pt.read(tmp_path / "log.mat")
-    with pytest.raises(LogError) as forked:
-        pt.read(tmp_path / "bad.mat")
-    monkeypatch.delattr(os, "fork")
-    there = pt.read(tmp_path / "log.mat")
-    assert {name: x.tolist() for name, x in there.channels.items()} == {
-        name: x.tolist() for name, x in here.channels.items()
-    }
-    with pytest.raises(LogError) as begun:
-        pt.read(tmp_path / "bad.mat")
-    assert str(begun.value) == str(forked.value)
+    (tmp_path / "json.py").write_text("raise SystemExit(3)")
+    monkeypatch.chdir(tmp_path)
+    assert pt.read("log.mat")["q"].tolist() == [float(k**2) for k in range(30)]
 
 
 def test_sizes_are_asked_for_first(tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from pinotwin.errors import InputError
-from pinotwin.machine import Machine
+from pinotwin.machine import Machine, machines
+from pinotwin.virtual import VirtualMachine
 from tests.rig import URDF
 
 EXAMPLES = int(os.environ.get("PINOTWIN_FUZZ", "150"))
@@ -74,8 +75,10 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 PLACES = list(places(SPEC))
 
 
-def spoiled(path: tuple[Any, ...], how: str, junk: Any) -> dict[str, Any]:
-    spec = copy.deepcopy(SPEC)
+def spoiled(
+    path: tuple[Any, ...], how: str, junk: Any, sound: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    spec = copy.deepcopy(sound or SPEC)
     at: Any = spec
     for key in path[:-1]:
         at = at[key]
@@ -141,6 +144,26 @@ def test_a_spoiled_yaml(folder: Path, path: tuple[Any, ...], how: str, junk: Any
     if machine is not None:  # what loads can be saved and loads again
         machine.save(folder / "copy")
         assert Machine.load(folder / "copy").names == machine.names
+
+
+TRUTHS = {n: yaml.safe_load((p / "virtual.yaml").read_text()) for n, p in machines().items() if n != "tx40"}
+
+
+@settings(quick, max_examples=EXAMPLES // 3)
+@given(name=st.sampled_from(sorted(TRUTHS)), data=st.data(), junk=JUNK)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of a size that no machine has
+def test_a_spoiled_truth(tmp_path_factory: Any, name: str, data: st.DataObject, junk: Any) -> None:
+    path = data.draw(st.sampled_from(list(places(TRUTHS[name]))))
+    folder = tmp_path_factory.mktemp("truth")
+    for file in machines()[name].iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    (folder / "virtual.yaml").write_text(yaml.safe_dump(spoiled(path, "replace", junk, TRUTHS[name])))
+    said = str(folder)
+    try:
+        VirtualMachine.load(folder)
+    except InputError as error:
+        said = str(error)
+    assert str(folder) in said
 
 
 @quick

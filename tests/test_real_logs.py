@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from pinotwin.columns import bind, parse_columns
+from pinotwin.columns import bind
 from pinotwin.log import Log
 from pinotwin.logs.files import read, read_argument
 from pinotwin.logs.quality import Quality, inspect, resample
+from pinotwin.machine.sections import parse_columns
 from pinotwin.signals import decimate_zero_phase, derivatives
 
 EMPS = """
@@ -63,7 +64,7 @@ BROAD = "t: {rate: 285.7142857142857}\n" + "".join(
 
 
 def load(text: str, argument: Path | str) -> Log:
-    return bind(read_argument(str(argument)), parse_columns(yaml.safe_load(text), "columns"))
+    return bind(read_argument(str(argument)), parse_columns(yaml.safe_load(text)))
 
 
 def warnings(quality: Quality) -> str:
@@ -173,7 +174,7 @@ def test_odrive_slow_run_and_its_irregular_clock(data_dir: Path) -> None:
 
 
 def test_odrive_maps_load_with_one_name_for_every_file(data_dir: Path) -> None:
-    columns = parse_columns({"M.u": {"column": "[0]", "unit": "A"}}, "columns")
+    columns = parse_columns({"M.u": {"column": "[0]", "unit": "A"}})
     maps = [
         bind(read(path), columns)["M.u"]
         for path in sorted((data_dir / "odrive_cogging").glob("coggingmap_*.npy"))

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
-from pinotwin.columns import bind, parse_columns
+from pinotwin.columns import bind
 from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
 from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
 from pinotwin.identification.servo.problem import AS_FOUND
@@ -17,6 +17,7 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Servo, close, command_rates, margins
 from pinotwin.loop.margins import command_peak, stable
+from pinotwin.machine.sections import parse_columns
 from pinotwin.simulation import feedforward, simulate
 from pinotwin.simulation.law import LONGEST, biquad
 from pinotwin.simulation.plant import plant_of
@@ -438,7 +439,7 @@ def test_the_form_is_chosen_on_a_log_under_the_names_of_its_controller():
     """A log of another time column than t, in ms, ended `identify` after its work was done."""
     names = [f"{axis}.{k}" for axis in "YAC" for k in ("qr", "q", "u")]
     own = {"t": {"column": "Zeit", "unit": "ms"}} | {k: {"column": f"kanal {k}"} for k in names}
-    machine = replace(plain_machine("trunnion"), columns=parse_columns(own, "columns"))
+    machine = replace(plain_machine("trunnion"), columns=parse_columns(own))
     twin = replace(known_twin(machine), servos={"Y": cascade()})
     command = smooth_command(machine, 3.0, 250.0)
     said = twin.simulate(command, controller="black")

@@ -173,3 +173,32 @@ def test_a_twin_of_impossible_inertias_can_be_loaded(saved, tmp_path):
         if "inertias that were found are impossible" in w
     ]
     assert not [w for w in warnings(twin.quality, twin, twin.motion(log)) if "impossible" in w]
+
+
+WRONG = {
+    "theta": ["x"],
+    "effects": [{}],
+    "parameters": [{"name": 1, "value": [], "standard_error": None}],
+    "standard_inertial_parameters": None,
+    "loops": [],
+    "servos": {"Z": {"gains": "x"}},
+    "diagonal": 1.0,
+    "quality": None,
+    "not_separable": [1],
+    "data": "x",
+    "settings": {"cutoff": "x"},
+    "files": None,
+    "misfit": True,
+    "covariance_lower": {"file": 1},
+}
+
+
+@pytest.mark.parametrize("key", WRONG)
+def test_a_value_of_another_type_is_one_line_whatever_the_digest_says(saved, tmp_path, key):
+    _, _, folder = saved
+    content = json.loads((folder / "twin.json").read_text()) | {key: WRONG[key]}
+    for file in folder.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "twin.json").write_text(json.dumps(content | {"digest": _digest(content)}))
+    with pytest.raises(TwinError, match=r"damaged twin .*; identify it again"):
+        pt.Twin.load(tmp_path)

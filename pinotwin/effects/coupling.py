@@ -26,7 +26,6 @@ class InertialCoupling(Paired):
 
     name = "inertial_coupling"
     family = BODY
-    title = "Inertial coupling"
     words = "another axis' acceleration drives this one more than modelled"
     remedy = "check the centre of mass of what both axes move; move one axis alone and watch the other"
     colour = "#2fa6a0"
@@ -45,7 +44,6 @@ class WristCoupling(Paired):
 
     name = "wrist_coupling"
     family = BODY
-    title = "Wrist coupling"
     words = "turning one axis drags another through the gearing"
     remedy = "check the coupling ratio of the wrist in `transmission`"
     colour = "#3a7d7b"
@@ -61,10 +59,7 @@ class WristCoupling(Paired):
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
-        """Return those with rotary axes so near that a gear can reach, where both move.
-
-        A gear reaches over two joints along the arm: the three of a wrist.
-        """
+        """Return those with moving rotary axes within reach of a gear: two joints along the arm, as in a wrist."""
         tree = Tree.of(machine)
         if not (Sight.of(motion, axis).moves and tree.rotary[tree.index(axis)]):
             return ()

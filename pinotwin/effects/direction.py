@@ -29,13 +29,9 @@ def _scan(v: Floats, a: Floats, width: float, d0: float) -> Floats:
 
 
 def direction(motion: AxisMotion, width: float) -> Floats:
-    """Return the direction of motion with memory, shape (n,), within [-1, 1].
+    """Return the direction of motion with memory, shape (n,), within [-1, 1]; it turns over ``width`` [m/s or rad/s].
 
-    Args:
-        motion: motion of one axis.
-        width: velocity over which the direction turns [m/s or rad/s]; 0 gives ``sign(v)``.
-
-    Each segment starts from ``clip(v / width)``: what came before it is not known.
+    Each segment starts from ``clip(v / width)``: what came before it is not known. A width of 0 gives ``sign(v)``.
     """
     if width <= 0.0:
         return np.sign(motion.v)

@@ -10,19 +10,13 @@ Acts = Literal["effort", "states", "sensor", "loop"]
 
 @dataclass(frozen=True)
 class Family:
-    """What the effects of one file have in common.
+    """What the effects of one file have in common."""
 
-    Attributes:
-        name: of the family.
-        title: what it is called in a report.
-        acts: ``effort`` adds to the effort of the joints; ``states`` does so too, but moves a mass that
-            no encoder of the log sees (a motor against its load); ``sensor`` changes what is logged, not
-            what the machine does; ``loop`` belongs to the controller: it changes the tracking error and
-            leaves the plant as it is.
-    """
-
-    name: str
-    title: str
+    name: str  # of the family
+    title: str  # what it is called in a report
+    # ``effort`` adds to the effort of the joints; ``states`` does so too, but moves a mass that no encoder of
+    # the log sees (a motor against its load); ``sensor`` changes what is logged, not what the machine does;
+    # ``loop`` belongs to the controller: it changes the tracking error and leaves the plant as it is
     acts: Acts
 
 

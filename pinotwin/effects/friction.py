@@ -196,7 +196,6 @@ class QuadraticDrag(AxisEffect):
 
     name = "quadratic_drag"
     family = FRICTION
-    title = "Quadratic drag"
     words = "resistance that grows with the square of speed: air, fan, splashing oil"
     remedy = "check oil level, covers and fans on the moving part"
     colour = "#ff7f8a"

@@ -79,7 +79,6 @@ class Hysteresis(AxisEffect):
 
     name = "hysteresis"
     family = FRICTION
-    title = "Hysteresis"
     words = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
     remedy = "follow the cable carrier by hand: stiff cables, rubbing hoses, rolling seals; record short, long strokes"
     colour = "#8c6d31"

@@ -91,22 +91,14 @@ def effect_name(key: str) -> str:
 
 
 def known(holder: HasEffects | None = None) -> Mapping[str, type[Effect]]:
-    """Return every effect by name: built-in, installed, given, and what a machine or twin holds.
-
-    Raises:
-        InputError: an installed effect cannot be used.
-    """
+    """Return every effect by name: built-in, installed, given, and what a machine or twin holds."""
     own = (*_installed(), *_GIVEN.get(), *(type(e) for e in (() if holder is None else holder.effects)))
     return {**{kind.name: kind for kind in own}, **EFFECTS}
 
 
 @contextmanager
 def given(effects: Iterable[EffectLike]) -> Iterator[None]:
-    """Know further effects inside a ``with`` block, beside those that are given already.
-
-    Raises:
-        InputError: one of them is no usable effect.
-    """
+    """Know further effects inside a ``with`` block, beside those that are given already."""
     token = _GIVEN.set((*_GIVEN.get(), *map(kind_of, effects)))
     try:
         yield
@@ -132,11 +124,7 @@ def with_given(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def kind_of(effect: EffectLike) -> type[Effect]:
-    """Return the class of an effect, checked.
-
-    Raises:
-        InputError: it is no effect, or one that cannot be used.
-    """
+    """Return the class of an effect, checked."""
     if isinstance(effect, Effect):
         return check_effect(type(effect))
     if isinstance(effect, type) and issubclass(effect, Effect):
@@ -152,11 +140,7 @@ def kind_of(effect: EffectLike) -> type[Effect]:
 
 
 def check_effect(kind: type[Effect]) -> type[Effect]:
-    """Return an effect's class, if it can be used under its name.
-
-    Raises:
-        InputError: it is abstract, no dataclass, has no name, or the name of a built-in effect.
-    """
+    """Return an effect's class; InputError if it is abstract, no dataclass, or has no name of its own."""
     where = f"effect {kind.__module__}:{kind.__qualname__}"
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if kind.coefficients is OneAxis.coefficients and not hasattr(kind, "linear"):
@@ -174,11 +158,7 @@ def check_effect(kind: type[Effect]) -> type[Effect]:
 
 
 def path_of(kind: type[Effect]) -> str:
-    """Return ``module:Class``, by which machine.yaml names an own effect.
-
-    Raises:
-        MachineError: the class stands inside a function, where nothing can find it again.
-    """
+    """Return ``module:Class``, by which machine.yaml names an own effect; MachineError for one inside a function."""
     if "<locals>" in kind.__qualname__:
         raise MachineError(
             f"effect {kind.name}: its class stands inside a function; move it to the top of a module, "
@@ -188,11 +168,7 @@ def path_of(kind: type[Effect]) -> str:
 
 
 def resolve(path: str) -> type[Effect]:
-    """Return the class that ``module:Class`` names.
-
-    Raises:
-        InputError: there is no such module or class, or it is no effect.
-    """
+    """Return the class of an effect that ``module:Class`` names."""
     module_name, _, name = path.partition(":")
     for kind in _GIVEN.get():
         if kind.__qualname__ == name:
@@ -202,7 +178,7 @@ def resolve(path: str) -> type[Effect]:
         remedy = "it was defined in a notebook or script: name a file that holds it with --effects FILE.py"
     try:
         found: Any = importlib.import_module(module_name)
-    except ImportError as error:
+    except _BROKEN as error:
         raise InputError(f"effect {path}: {error}; {remedy}") from None
     for part in name.split("."):
         found = getattr(found, part, None)
@@ -212,11 +188,7 @@ def resolve(path: str) -> type[Effect]:
 
 
 def effects_of_file(path: str | Path) -> tuple[type[Effect], ...]:
-    """Return the effects that a Python file defines; their module is called as the file is.
-
-    Raises:
-        InputError: there is no such file, it does not run, or it defines no effect.
-    """
+    """Return the effects that a Python file defines; their module is called as the file is."""
     file = Path(path).resolve()
     if not file.is_file() or file.suffix != ".py":
         raise InputError(f"--effects: {path}: no such file; give a Python file (.py) with effects")

@@ -57,7 +57,6 @@ class Payload(OfTree):
 
     name = "payload"
     family = LOAD
-    title = "Payload"
     words = "a mass on the link, as a workpiece or a tool, that the model does not have"
     remedy = "take tool or workpiece off, or add its mass and centre of mass to the link"
     colour = "#76608a"
@@ -90,7 +89,6 @@ class ExternalForce(AxisEffect):
 
     name = "external_force"
     family = LOAD
-    title = "External force"
     words = "a force from outside: the process, a hand, a collision"
     remedy = "find out what happened at that time; leave those rows out, or log the force"
     colour = "#d37295"

@@ -45,7 +45,6 @@ class Spring(AxisEffect):
 
     name = "spring"
     family = POSITION
-    title = "Spring"
     words = "a spring between two parts: cable, hose, flexure"
     remedy = "check cables, hoses and covers that are stretched along the travel"
     colour = "#6b8e23"

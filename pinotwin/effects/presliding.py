@@ -115,7 +115,6 @@ class Presliding(AxisEffect):
 
     name = "presliding"
     family = FRICTION
-    title = "Presliding"
     words = "the contact gives a little, like a spring, before it slides: seen at reversals"
     remedy = "record slow reversals of growing stroke, from a micrometre or millidegree upwards"
     colour = "#c7568f"

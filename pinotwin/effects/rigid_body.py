@@ -80,10 +80,7 @@ class RigidBody(Effect):
         return np.concatenate([self.base.regressor(self.model, q[s], v[s], a[s]) @ beta for s in parts])
 
     def model_with(self, beta: Floats) -> pin.Model:
-        """Return the tree with standard parameters near its own that have these base parameters.
-
-        The tree as it is where no body could have them.
-        """
+        """Return the tree with standard parameters near its own that have these base parameters; itself if none can."""
         pi = parameters(self.model)
         try:
             near = pi + np.linalg.pinv(self.base.P) @ (np.asarray(beta) - self.base.P @ pi)

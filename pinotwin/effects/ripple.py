@@ -23,10 +23,7 @@ ANGLES = np.linspace(-0.5, 0.5, 7)[:-1] * np.pi
 
 
 def _waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
-    """Return cos and sin of every harmonic, shape (n, 2 h).
-
-    Both from one tangent of half the phase, to the last digits: a search of pitches asks for millions.
-    """
+    """Return cos and sin of every harmonic, shape (n, 2 h), by one tangent of half the phase: searches ask for many."""
     out = np.empty((len(q), 2 * len(harmonics)))
     for k, harmonic in enumerate(harmonics):
         t = np.tan(q * (0.5 * TURN * harmonic / period))
@@ -116,7 +113,6 @@ class Ripple(Pitched):
     """
 
     name = "ripple"
-    title = "Ripple"
     words = "a force that repeats with every pole pitch, screw turn or ball passage"
     remedy = "compare the pitch with pole pitch, screw lead, ball passage and gear teeth"
     colour = "#b07aa1"

@@ -38,23 +38,12 @@ def needs_model(effects: Sequence[Effect]) -> bool:
 
 
 def with_model(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
-    """Return the motion with the channels ``model``, ``rigid`` and ``mass`` of a model.
-
-    The motion itself where no effect needs them; :func:`with_model_effort` fills them in any case.
-
-    Args:
-        motion: prepared log(s).
-        effects: all effects of the model, the rigid body among them.
-        theta: their coefficients, one after the other, shape (p,).
-    """
+    """Return the motion with ``model``, ``rigid``, ``mass`` of coefficients of shape (p,), if an effect needs them."""
     return with_model_effort(motion, effects, theta) if needs_model(effects) else motion
 
 
 def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
-    """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not.
-
-    Coefficients have shape (p,). Where an effect scales with the total, that is formed in ``passes``.
-    """
+    """Return the motion with these channels, needed or not, of coefficients of shape (p,), formed in ``passes``."""
     nv, parts = len(motion.names), _with_own(effects, theta)
     rigid, plain = np.zeros((len(motion), nv)), np.zeros((len(motion), nv))
     mass = None
@@ -100,15 +89,10 @@ def inertia(effect: Effect, motion: Motion, joint: int, lightest: float = 0.05) 
 def shaken(
     effect: Effect, motion: Motion, joint: int, own: Floats, load: float = 1.0, coupled: float = 1e-3
 ) -> Columns:
-    """Return columns of a joint with what they do to the others, M_ij (a_load - a_measured).
+    """Return columns ``own`` (n, p) of a joint with what they do to the others, M_ij (a_load - a_measured).
 
-    Args:
-        effect: whose columns they are; its load moves otherwise than the encoder says.
-        motion: with the model's inertia matrix.
-        joint: whose load moves otherwise.
-        own: columns at that joint, shape (n, p).
-        load: share of its inertia that moves otherwise.
-        coupled: of the geometric mean of two inertias; a coupling below it moves nothing.
+    The share ``load`` of its inertia moves otherwise than the encoder says. A coupling below ``coupled`` of the
+    geometric mean of two inertias moves nothing.
     """
     mass, mine = effect.channel(motion, "mass"), inertia(effect, motion, joint)
 

@@ -43,7 +43,6 @@ class Delay(OneAxis):
 
     name = "delay"
     family = SENSING
-    title = "Delay"
     words = "one signal was recorded late against the others"
     remedy = "compare the clocks of the channels; state the lead of the effort in machine.yaml"
     colour = "#7f7f7f"
@@ -62,10 +61,7 @@ class Delay(OneAxis):
         return self.over([x for x in SPANS if abs(x) > 0.1 * sight.step] or [sight.step, -sight.step])
 
     def possible(self, theta: Floats) -> bool:
-        """Whether, over a span [s] that rows resolve, all of the effort comes late, not a part of it.
-
-        A part of it late by a longer span is what play and flexible drives look like.
-        """
+        """Whether all of the effort is late by a span [s] that rows resolve; of play and springs a part of it is."""
         if abs(self.span) <= FIRST_ORDER:
             return True
         return bool(WHOLE < float(theta[0]) / self.span < 1.0 / WHOLE)
@@ -120,7 +116,6 @@ class EncoderError(OneAxis):
 
     name = "encoder_error"
     family = SENSING
-    title = "Encoder error"
     words = "the position sensor repeats a small error with its own period"
     remedy = "check how the encoder is mounted: eccentric disc, tilted head; adjust its signals"
     colour = "#17869e"

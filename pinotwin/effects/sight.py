@@ -13,35 +13,20 @@ from pinotwin.signals import roughness
 
 @dataclass(frozen=True)
 class Sight:
-    """What one motion shows of one axis; SI.
+    """What one motion shows of one axis; SI."""
 
-    Attributes:
-        low: lowest position [m or rad].
-        high: highest position.
-        noise: standard deviation of the position's noise, quantisation included [m or rad].
-        speed: |v| of every row, shape (n,).
-        forward: share of the rows that move forward, of those that move.
-        reversals: changes of direction.
-        step: sampling interval of the log [s].
-        rate: rows a second that are fitted [Hz].
-        duration: of the longest unbroken stretch [s].
-        cutoff: corner of the low-pass that the log went through [Hz].
-        noises: standard deviations of the noise that a travel must have to be motion.
-        slow: of the top speed; rows below it are slow ones.
-    """
-
-    low: float
-    high: float
-    noise: float
-    speed: Floats
-    forward: float
-    reversals: int
-    step: float
-    rate: float
-    duration: float
-    cutoff: float
-    noises: float = 20.0
-    slow: float = 0.05
+    low: float  # lowest position [m or rad]
+    high: float  # highest position
+    noise: float  # standard deviation of the position's noise, quantisation included [m or rad]
+    speed: Floats  # |v| of every row, shape (n,)
+    forward: float  # share of the rows that move forward, of those that move
+    reversals: int  # changes of direction
+    step: float  # sampling interval of the log [s]
+    rate: float  # rows a second that are fitted [Hz]
+    duration: float  # of the longest unbroken stretch [s]
+    cutoff: float  # corner of the low-pass that the log went through [Hz]
+    noises: float = 20.0  # standard deviations of the noise that a travel must have to be motion
+    slow: float = 0.05  # of the top speed; rows below it are slow ones
 
     @classmethod
     def of(cls, motion: Motion, axis: str) -> Sight:

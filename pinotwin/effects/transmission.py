@@ -101,15 +101,10 @@ def _carried(
 
 
 def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0) -> int:
-    """Return where a spring may be at rest when a stretch begins: amid the steadiest period of its load there.
+    """Return where a spring may be at rest when a stretch begins: amid the steadiest ``period`` [s] of its load (n,).
 
-    How a load swings when a log begins is not known, and a swing that is guessed wrongly rings on for seconds.
-
-    Args:
-        load: that acts on the spring, shape (n,).
-        period: of the mode [s].
-        step: sampling interval [s].
-        beginning: of a stretch, in which the spring is taken to be at rest once, and before that to be stiff [s].
+    How a load swings when a log begins is not known, and a swing that is guessed wrongly rings on for seconds. So long
+    a ``beginning`` [s] holds the place; before it the spring is taken to be stiff.
     """
     width = max(2, round(period / step))
     first = load[: max(width + 1, min(round(beginning / step), len(load) // 2))]
@@ -233,7 +228,6 @@ class Backlash(OneAxis):
     name = "backlash"
     family = TRANSMISSION
     causes = ("flexibility",)
-    title = "Backlash"
     words = "play: at reversal the motor moves before the load does"
     remedy = "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
     colour = "#c44e52"

@@ -32,17 +32,11 @@ class HasTree(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """A model with the names of its axes; a machine gives its own, a twin that with its inertias.
+    """A model with the names of its axes; a machine gives its own, a twin that with its inertias."""
 
-    Attributes:
-        model: Pinocchio model, one velocity a joint.
-        names: axis or passive name of every velocity.
-        rotary: whether each is a rotation.
-    """
-
-    model: pin.Model
-    names: tuple[str, ...]
-    rotary: tuple[bool, ...]
+    model: pin.Model  # Pinocchio model, one velocity a joint
+    names: tuple[str, ...]  # axis or passive name of every velocity
+    rotary: tuple[bool, ...]  # whether each is a rotation
 
     @classmethod
     def of(cls, machine: HasTree) -> Tree:
@@ -50,11 +44,7 @@ class Tree:
         return cls(machine.model, tuple(machine.names), tuple(machine.rotary))
 
     def index(self, axis: str) -> int:
-        """Return the velocity of an axis.
-
-        Raises:
-            MachineError: there is no such axis.
-        """
+        """Return the velocity of an axis, or MachineError with the axes that there are."""
         if axis not in self.names:
             raise MachineError(f"{self.model.name}: no axis {axis!r}; {nearest(axis, self.names)}")
         return self.names.index(axis)
@@ -65,12 +55,7 @@ class Tree:
         return next(j for j in range(1, self.model.njoints) if self.model.idx_vs[j] == k)
 
     def endless(self, axis: str, beyond: float = 1e6) -> bool:
-        """Whether an axis is a rotation without stops, whose position repeats with every turn.
-
-        Args:
-            axis: its name.
-            beyond: rotations that may go further have no stops [rad], as a continuous joint of the URDF.
-        """
+        """Whether an axis is a rotation without stops, its travel ``beyond`` [rad]: its position repeats every turn."""
         k = self.index(axis)
         span = float(self.model.upperPositionLimit[k]) - float(self.model.lowerPositionLimit[k])
         return bool(self.rotary[k] and span > beyond)

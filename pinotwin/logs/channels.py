@@ -25,11 +25,7 @@ SHORTEST = 20
 
 
 def usable(machine: Machine, log: Log) -> Log:
-    """Return a bound log with infinite values as missing ones, if the machine can use it at all.
-
-    Raises:
-        LogError: no clock, no position of an axis, or numbers that no measurement gives.
-    """
+    """Return a bound log with infinite values as missing ones; LogError if the machine cannot use it at all."""
     for name in machine.axes:
         if f"{name}.q" not in log:
             raise LogError(
@@ -51,11 +47,7 @@ def usable(machine: Machine, log: Log) -> Log:
 
 
 def finite(log: Log, absurd: float = 1e12) -> Log:
-    """Return a bound log with infinite values as missing ones; no machine reaches ``absurd`` in SI.
-
-    Raises:
-        LogError: no rows, or a number that no measurement gives, such as a sentinel of 1e30.
-    """
+    """Return a bound log with infinite values as missing ones; LogError for ``absurd`` ones [SI], such as sentinels."""
     if len(log) == 0:
         raise LogError(f"{log.source}: holds no rows; record or cut it again")
     channels = {}
@@ -74,9 +66,7 @@ def finite(log: Log, absurd: float = 1e12) -> Log:
 def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slice]:
     """Return the stretches of regular sampling in which every channel that is used is a number.
 
-    Raises:
-        LogError: the clock does not advance, or a channel holds no number.
-        DataError: no stretch has ``shortest`` samples; the message says why.
+    LogError if the clock does not advance or a channel holds no number, DataError if none has ``shortest`` samples.
     """
     try:
         clock(log.t)
@@ -117,10 +107,7 @@ def _why_none(machine: Machine, log: Log, good: Mask, shortest: int) -> str:
 
 
 def joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
-    """Return positions (``q``) or commands (``qr``) of the joints, ``q = N^-1 q_motor + zero``.
-
-    Missing values are zero: they lie outside the stretches. Shape (n, nv).
-    """
+    """Return positions (``q``) or commands (``qr``) of joints, ``N^-1 q_motor + zero``, (n, nv); zero if missing."""
     x: Floats = np.zeros((len(log), machine.nv))
     for name, axis in machine.axes.items():
         x[:, axis.index] = np.nan_to_num(log[f"{name}.{kind}"])
@@ -148,11 +135,7 @@ def load_positions(machine: Machine, log: Log) -> Floats | None:
 
 
 def has_commands(machine: Machine, log: Log) -> bool:
-    """Return whether every axis has its command.
-
-    Raises:
-        LogError: some have, others have not.
-    """
+    """Return whether every axis has its command; LogError if some have, others have not."""
     missing = [name for name in machine.axes if f"{name}.qr" not in log]
     if missing and len(missing) < len(machine.axes):
         raise LogError(
@@ -189,11 +172,7 @@ def _load_channels(log: Log) -> list[str]:
 
 
 def loads(machine: Machine, log: Log) -> dict[str, Floats]:
-    """Return the logged external loads: link -> wrench f, m in world axes, shape (n, 6) [N, N·m].
-
-    Raises:
-        LogError: a load on a link that the machine does not have.
-    """
+    """Return the logged external loads: link of the machine -> wrench f, m in world axes, shape (n, 6) [N, N·m]."""
     out = {}
     frames = {frame.name for frame in machine.model.frames} - {"universe"}
     for link in sorted({channel.rpartition(".")[0] for channel in _load_channels(log)}):
@@ -210,11 +189,7 @@ def loads(machine: Machine, log: Log) -> dict[str, Floats]:
 
 
 def external(machine: Machine, log: Log) -> Floats | None:
-    """Return the joint effort of the logged external loads J^T f, shape (n, nv); None without any.
-
-    Raises:
-        LogError: see :func:`loads`.
-    """
+    """Return the joint effort of the logged external loads J^T f, shape (n, nv); None without any."""
     wrenches = loads(machine, log)
     if not wrenches:
         return None

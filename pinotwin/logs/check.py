@@ -21,7 +21,7 @@ from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import incomplete, mimics, read_tree
+from pinotwin.machine.urdf_check import MOVING, incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -150,21 +150,15 @@ def machine_findings(machine: Machine) -> list[Finding]:
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
             out.append(finding("joint_mimics", joint, leader=repr(leader)))
+    moved = {j.find("child").get("link") for j in root.findall("joint") if j.get("type") in MOVING}  # type: ignore[union-attr]
     for link in root.findall("link"):
-        if link.find("inertial") is None and _is_child_of_moving(root, str(link.get("name"))):
+        if link.find("inertial") is None and link.get("name") in moved:
             out.append(finding("link_massless", str(link.get("name"))))
     without = machine.base.without_effect
     if without:
         shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
         out.append(finding("no_effect", count=len(without), names=shown))
     return out
-
-
-def _is_child_of_moving(root: Any, link: str) -> bool:
-    for joint in root.findall("joint"):
-        if joint.find("child").get("link") == link:
-            return joint.get("type") in ("revolute", "continuous", "prismatic")
-    return False
 
 
 def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitation:
@@ -185,10 +179,7 @@ def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitat
 
 
 def _usual_sizes(machine: Machine) -> Floats:
-    """Return the magnitude to expect of each base parameter.
-
-    A parameter that the CAD puts at zero may still be a tenth of the others of its kind.
-    """
+    """Return the magnitude to expect of each base parameter: where CAD says zero, a tenth of others of its kind."""
     beta = np.abs(machine.base.from_standard(parameters(machine.model)))
     units = np.array(machine.base.units)
     floor = {unit: 0.1 * float(np.sqrt(np.mean(beta[units == unit] ** 2))) for unit in set(units)}

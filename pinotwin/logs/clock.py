@@ -33,27 +33,15 @@ _PASSES = 4  # of velocity and ticks
 
 @dataclass(frozen=True)
 class _Ticks:
-    """When each row was sampled, in steps of an even clock.
+    """When each row was sampled, in steps of an even clock."""
 
-    Attributes:
-        at: tick of every row, increasing within a part, NaN for a row that repeats its sample, (n,).
-        parts: unbroken stretches of rows.
-        step: of the clock [s].
-    """
-
-    at: Floats
-    parts: tuple[slice, ...]
-    step: float
+    at: Floats  # tick of every row, increasing within a part, NaN for a row that repeats its sample, (n,)
+    parts: tuple[slice, ...]  # unbroken stretches of rows
+    step: float  # of the clock [s]
 
 
 def even_clock(log: Log, axes: Sequence[str], settings: Settings = USUAL) -> Log:
-    """Return a bound log on an even clock with short holes bridged; its notes say what was done.
-
-    Args:
-        log: bound log with ``t`` and the positions of the axes.
-        axes: axes whose positions tell the clock.
-        settings: what is decided by.
-    """
+    """Return a bound log on an even clock, told by the positions of ``axes``, short holes bridged; its notes say so."""
     stamped = np.isfinite(log.t)
     even = log if stamped.all() else log.rows(stamped)
     try:
@@ -165,10 +153,7 @@ def _settle(at: Floats, q: Floats, smoother: float, stands_out: float = 100.0) -
 
 
 def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
-    """Put into ``at`` by how many ticks each row of a part advances; return the distance from whole ones.
-
-    Rows too slow to tell advance by what the stamps say.
-    """
+    """Put into ``at`` by how many ticks rows advance, slow ones by stamps; return the distance from whole ones."""
     if part.stop - part.start <= _WINDOW:
         return np.zeros(0)
     slope = scipy.signal.savgol_filter(np.column_stack([q[part], at[part]]), _WINDOW, 3, deriv=1, axis=0)

@@ -21,17 +21,11 @@ from pinotwin.solve.lead import Lag
 
 @dataclass(frozen=True)
 class Examined:
-    """The efforts of a log.
+    """The efforts of a log."""
 
-    Attributes:
-        findings: which cannot be those of their axes, and why.
-        at: rows of the motion.
-        axes: the axes that move both ways, explained.
-    """
-
-    findings: tuple[Finding, ...]
-    at: Course
-    axes: tuple[Explained, ...]
+    findings: tuple[Finding, ...]  # which cannot be those of their axes, and why
+    at: Course  # rows of the motion
+    axes: tuple[Explained, ...]  # the axes that move both ways, explained
 
     @property
     def sound(self) -> list[Explained]:
@@ -45,13 +39,7 @@ def named(findings: Sequence[Finding]) -> set[str]:
 
 
 def alone(axis: Explained, raw: Floats, fit: Lag) -> Finding | None:
-    """Return what is wrong with an effort whatever the others are.
-
-    Args:
-        axis: its axis.
-        raw: the effort as it was logged [SI], shape (n,).
-        fit: at its best lag.
-    """
+    """Return what is wrong with an effort, whatever others are: ``raw`` as logged [SI] (n,), ``fit`` at its lag."""
     channel = f"{axis.name}.u"
     good = raw[np.isfinite(raw)]
     memory = np.abs(autocorrelation(good, 3)[1:]) if np.ptp(good) > 0 else np.ones(3)

@@ -30,11 +30,7 @@ _CODES = {
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
     """Name pairs of axes whose efforts, or positions, have each other's name, and axes that run the other way.
 
-    Args:
-        machine: the machine.
-        u: efforts of a whole motion, shape (n, nv).
-        at: rows of it.
-        axes: those whose efforts are no nonsense by themselves.
+    Efforts ``u`` are of a whole motion, shape (n, nv); ``axes`` are those whose efforts are sound by themselves.
     """
     limit, of = at.settings, {axis.name: axis for axis in axes}
     own = {name: axis.left for name, axis in of.items()}
@@ -64,14 +60,8 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
 def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Yield what would go unnamed if it were so: ("effort" or "position", two axes), ("sign", an axis).
 
-    The log is spoiled, and what :func:`exchanged` would make of that is asked; as twice exchanged is as it was, the
-    log itself may be the spoiled one as well.
-
-    Args:
-        machine: the machine.
-        u: efforts of a whole motion, shape (n, nv).
-        at: rows of it.
-        sound: axes of which nothing was found.
+    The log is spoiled on its ``sound`` axes, and what :func:`exchanged` would make of that is asked; as twice exchanged
+    is as it was, the log itself may be the spoiled one as well. The efforts ``u`` are of a whole motion, shape (n, nv).
     """
     limit, of = at.settings, {axis.name: axis for axis in explained(machine, u, at)}
     own = {name: axis.left for name, axis in of.items()}

@@ -25,22 +25,15 @@ BLOCKS = 8  # of the log, left out in turn
 
 @dataclass(frozen=True)
 class Course:
-    """Rows of a motion: where they lie in it, which of them may be used, and the motion there.
+    """Rows of a motion: where they lie in it, which of them may be used, and the motion there."""
 
-    Attributes:
-        rows: their numbers, shape (n,).
-        use: which of them each axis may use, shape (n, nv). q, v, a: of every axis, shape (n, nv).
-        reach: samples in which a lag is looked for.
-        settings: what is decided by.
-    """
-
-    rows: Ints
-    use: Mask
-    q: Floats
+    rows: Ints  # their numbers, shape (n,)
+    use: Mask  # which of them each axis may use, shape (n, nv)
+    q: Floats  # of every axis, shape (n, nv); v and a likewise
     v: Floats
     a: Floats
-    reach: int
-    settings: Settings
+    reach: int  # samples in which a lag is looked for
+    settings: Settings  # what is decided by
 
     def exchanged(self, i: int, j: int) -> Course:
         """Return the same with the positions of two axes exchanged."""
@@ -64,28 +57,19 @@ class Course:
 
 @dataclass(frozen=True)
 class Explained:
-    """One axis: its effort, its rows, and there what may cause it.
-
-    Attributes:
-        u: effort of the whole motion, shape (n,).
-        rows: those that are looked at, shape (m,). v, a: of the axis there.
-        rigid: effort of the URDF's masses there, shape (m,).
-        columns: of all causes, shape (m, k); the last three are friction and 1. basis: orthonormal, of these.
-        reach: samples in which a lag is looked for.
-        settings: what is decided by.
-    """
+    """One axis: its effort, its rows, and there what may cause it."""
 
     name: str
     rotary: bool
-    u: Floats
-    rows: Ints
-    v: Floats
+    u: Floats  # effort of the whole motion, shape (n,)
+    rows: Ints  # those that are looked at, shape (m,)
+    v: Floats  # of the axis there, shape (m,); a likewise
     a: Floats
-    rigid: Floats
-    columns: Floats
-    basis: Floats
-    reach: int
-    settings: Settings
+    rigid: Floats  # effort of the URDF's masses there, shape (m,)
+    columns: Floats  # of all causes, shape (m, k); the last three are friction and 1
+    basis: Floats  # orthonormal, of these
+    reach: int  # samples in which a lag is looked for
+    settings: Settings  # what is decided by
 
     @property
     def friction(self) -> slice:
@@ -132,13 +116,7 @@ def course(motion: Motion, settings: Settings, most: int = 4000) -> Course | Non
 
 
 def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
-    """Yield the axes that move both ways and whose effort changes.
-
-    Args:
-        machine: the machine.
-        u: efforts of a whole motion, shape (n, nv).
-        at: rows of it.
-    """
+    """Yield the axes that move both ways and whose effort changes; ``u`` of a whole motion, shape (n, nv)."""
     whole = machine.base.regressor(machine.model, at.q, at.v, at.a)
     beta = machine.base.from_standard(parameters(machine.model))
     for name, axis in machine.axes.items():

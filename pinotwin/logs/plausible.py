@@ -47,14 +47,7 @@ _WORDS = {
 
 @one_blas_thread
 def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = USUAL) -> Examined | None:
-    """Say which efforts of a log cannot be those of its axes, and why; None where too little moves to say it.
-
-    Args:
-        machine: the machine.
-        motion: the log, prepared.
-        log: the same, bound (SI), as the file has it.
-        settings: what is decided by.
-    """
+    """Say which efforts of a bound log cannot be those of its axes, and why; None where too little moves to say it."""
     if motion.step > 1.0 / settings.slow_rate:
         return None  # accelerations, and when a motion turns, fall between the samples
     at = course(motion, settings)
@@ -76,11 +69,7 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
 
 
 def unit_findings(log: Log) -> list[Finding]:
-    """Say which efforts are still a drive's current or share: N and N·m are printed for them all the same.
-
-    Args:
-        log: bound (SI), with the unit of each channel and what it was scaled by.
-    """
+    """Say which efforts of a bound log are a drive's current or share: N and N·m are printed for them all the same."""
     of: dict[str, list[str]] = {}
     for name, unit in log.units.items():
         electrical = name.endswith(".u") and unit in ELECTRICAL
@@ -91,13 +80,7 @@ def unit_findings(log: Log) -> list[Finding]:
 
 @one_blas_thread
 def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]:
-    """Say in one line what would go unnamed on this motion, tried on a thousand of its rows.
-
-    Args:
-        machine: the machine.
-        motion: the log, prepared.
-        efforts: what was found of its efforts.
-    """
+    """Say in one line what would go unnamed on this motion, tried on a thousand of its rows."""
     at, sound = efforts.at.thinned(1000), [axis.name for axis in efforts.sound]
     of: dict[str, list[str]] = {}
     for axis in explained(machine, motion.u, at):

@@ -87,28 +87,17 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
 
 @dataclass(frozen=True, eq=False)
 class EvenLogs:
-    """Logs of one machine on one even clock, before any filter: motions of several corners are made of them.
+    """Logs of one machine on one even clock, before any filter: motions of several corners are made of them."""
 
-    Attributes:
-        logs: in the names of the contract.
-        how: how they were made, and are filtered where nothing else is asked for.
-        settings: what is decided by.
-    """
-
-    logs: tuple[Log, ...]
-    how: DataSettings
-    settings: Settings = USUAL
+    logs: tuple[Log, ...]  # in the names of the contract
+    how: DataSettings  # how they were made, and are filtered where nothing else is asked for
+    settings: Settings = USUAL  # what is decided by
 
     @classmethod
     def of(
         cls, machine: Machine, logs: Sequence[Log], how: DataSettings, settings: Settings = USUAL
     ) -> EvenLogs:
-        """Return logs, raw or in the names of the contract, on the clock of the slowest of them.
-
-        Raises:
-            LogError: a channel is missing or unusable; the message names it.
-            DataError: too little of the log can be used.
-        """
+        """Return logs, raw or in the names of the contract, on the clock of the slowest of them."""
         if not logs:
             raise DataError(f"{machine.name}: no log given; give at least one")
         even = [_regular(machine, item, how, settings) for item in logs]
@@ -133,10 +122,7 @@ class EvenLogs:
 
 
 def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) -> Log:
-    """Return a log in the names and units of the contract, on an even clock.
-
-    Its notes say what was done to it, no longer what was read.
-    """
+    """Return a log in the names and units of the contract, on an even clock; its notes say what was done to it."""
     bound = replace(usable(machine, bind(log, machine.columns)), notes=())
     bound = without(bound, how.leave_out)
     even = even_clock(bound, list(machine.axes), settings)
@@ -144,14 +130,10 @@ def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) 
 
 
 def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
-    """Return a log without the rows that are said to be no measurement.
+    """Return a bound log without the rows that are said to be no measurement.
 
-    Args:
-        log: bound log.
-        leave_out: (file, from, to) [s] or (file, channel, value), an empty name for all logs.
-
-    Raises:
-        DataError: no row would be left, or a channel is not in the log.
+    Those are (file, from, to) [s] or (file, channel, value), an empty name for all logs. DataError if no row would be
+    left, or a channel is not in the log.
     """
     if not leave_out or "t" not in log:
         return log
@@ -263,11 +245,7 @@ def _prepare_one(
 
 
 def _on_load(machine: Machine, log: Log) -> tuple[bool, ...]:
-    """Return which columns' loops are closed on the load's encoder; empty for none.
-
-    Raises:
-        LogError: such an encoder is not in the log.
-    """
+    """Return which columns' loops are closed on the load's encoder, which the log must have; empty for none."""
     closed = [name for name in machine.axes if machine.regulated(name).endswith(".ql")]
     for name in closed:
         if f"{name}.ql" not in log:

@@ -25,19 +25,13 @@ from pinotwin.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A log, its motion and what ``check`` finds in it; each is made when it is first asked for, and kept.
+    """A log, its motion and what ``check`` finds in it; each is made when it is first asked for, and kept."""
 
-    Attributes:
-        machine: whose log it is.
-        log: in the names and SI units of the contract.
-        options: of :func:`pinotwin.prepare`, such as a twin's own; what is not given comes from machine.yaml.
-        settings: what is decided by.
-    """
-
-    machine: Machine
-    log: Log
+    machine: Machine  # whose log it is
+    log: Log  # in the names and SI units of the contract
+    # of :func:`pinotwin.prepare`, such as a twin's own; what is not given comes from machine.yaml
     options: Mapping[str, Any] = field(default_factory=dict)
-    settings: Settings = USUAL
+    settings: Settings = USUAL  # what is decided by
 
     @classmethod
     def of(
@@ -48,21 +42,12 @@ class Prepared:
         *,
         settings: Settings = USUAL,
     ) -> Prepared:
-        """Return a log of a machine, raw or in the names of the contract, to be made ready.
-
-        Raises:
-            LogError: a mapped column is missing, or a unit is unknown.
-        """
+        """Return a log of a machine, raw or in the names of the contract, to be made ready."""
         return cls(machine, bind(log, machine.columns), options or {}, settings)
 
     @cached_property
     def motion(self) -> Motion:
-        """The log ready for identification and prediction, see :func:`pinotwin.prepare`.
-
-        Raises:
-            LogError: a channel is missing or unusable.
-            DataError: too little of the log can be used.
-        """
+        """The log ready for identification and prediction, see :func:`pinotwin.prepare`."""
         return prepare(self.machine, self.log, **self.options, settings=self.settings)
 
     @cached_property

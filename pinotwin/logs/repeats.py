@@ -13,16 +13,10 @@ _LATEST = 0.25  # that one run may begin later than the other [s]
 
 
 def same_motion(a: Motion, b: Motion, commanded: float = 0.01, measured: float = 0.05) -> bool:
-    """Return whether two prepared logs are repeats of one motion.
+    """Return whether two prepared logs of one machine are repeats of one motion.
 
-    Commands are compared where both logs have them, else measured positions, which scatter more and may
-    begin a little later. Axes that hardly move in either have no say.
-
-    Args:
-        a: one log, prepared.
-        b: another of the same machine.
-        commanded: largest difference of the commands, over their standard deviation.
-        measured: the same of measured positions.
+    Commands are compared where both have them, up to a difference of ``commanded`` standard deviations, else measured
+    positions, which scatter more (``measured``) and may begin a little later. Axes that hardly move have no say.
     """
     x, y, allowed = a.q, b.q, measured
     if a.qr is not None and b.qr is not None:

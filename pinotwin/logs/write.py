@@ -13,12 +13,7 @@ from pinotwin.system.writing import whole_file
 
 
 def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:
-    """Write a log as CSV, or as Parquet by its suffix.
-
-    Args:
-        path: file to write; ``.csv`` or ``.parquet``.
-        log: channel -> values, ``t`` first.
-    """
+    """Write channels, ``t`` first, as CSV, or as Parquet by the suffix of ``path``."""
     path = Path(path)
     if path.suffix not in (".csv", ".parquet"):
         raise InputError(f"{path}: a log is written as .csv or .parquet, not {path.suffix!r}")

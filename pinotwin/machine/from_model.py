@@ -116,13 +116,8 @@ def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[An
 def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
     """Return the machine with further effects beside those that it lists.
 
-    Args:
-        machine: a machine.
-        effects: of every axis, or axis -> its own: names or mappings as in machine.yaml, classes, or effects (an
-            object acts on its own axis). One that an axis lists already, and may list once, stays as it is.
-
-    Raises:
-        MachineError: one of them is no effect, or an axis is unknown.
+    They are of every axis, or axis -> its own: names or mappings as in machine.yaml, classes, or effects (these act on
+    their own axis). One that an axis lists already, and may list once, stays as it is.
     """
     if isinstance(effects, str):
         raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
@@ -151,10 +146,7 @@ def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Mode
 
 
 def urdf_of_model(model: pin.Model, name: str) -> bytes:
-    """Return a model of revolute, continuous and prismatic joints as URDF text.
-
-    Rotor inertias (``model.armature``) have no place in a URDF; geometry is not part of a model.
-    """
+    """Return a model of revolute, continuous and prismatic joints as URDF text, without rotor inertias and geometry."""
     root = etree.Element("robot", name=name)
     links = _links(model)
     for joint, link in enumerate(links):

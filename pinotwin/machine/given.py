@@ -15,16 +15,9 @@ MachineLike = Machine | pin.Model | str | Path
 
 
 def as_machine(given: Any, name: str = "machine") -> Machine:
-    """Return a machine as it is, make one of a model, or load it.
+    """Return a machine as it is, make one of a ``pin.Model``, or load what :meth:`Machine.load` takes.
 
-    Args:
-        given: a machine, a ``pin.Model`` (every joint of one degree of freedom an axis with the default effects), or
-            what :meth:`Machine.load` takes.
-        name: of the argument, for the message.
-
-    Raises:
-        InputError: it is something else.
-        MachineError: it cannot be loaded.
+    Of a model every joint of one degree of freedom is an axis; ``name`` of the argument is for messages.
     """
     if isinstance(given, Machine):
         return given

@@ -136,18 +136,12 @@ class Machine(Card):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Axis or passive name of every column of the machine's arrays."""
-        out = [""] * self.nv
-        for part in self.parts:
-            out[part.index] = part.name
-        return tuple(out)
+        return tuple(part.name for part in sorted(self.parts, key=lambda part: part.index))
 
     @cached_property
     def rotary(self) -> tuple[bool, ...]:
         """Whether each column is a rotation."""
-        out = [False] * self.nv
-        for part in self.parts:
-            out[part.index] = part.rotary
-        return tuple(out)
+        return tuple(part.rotary for part in sorted(self.parts, key=lambda part: part.index))
 
     @cached_property
     def base(self) -> BaseParameters:

@@ -37,11 +37,7 @@ def kinds_of(cls: type) -> dict[str, Any]:
 
 
 def read(value: Any, kind: Any, where: str) -> Any:
-    """Return a value as a type says; of a dataclass the values that are stated, by field.
-
-    Raises:
-        MachineError: with the path of what is wrong; an unknown key with the nearest known one.
-    """
+    """Return a value as a type says, of a dataclass what is stated, by field; else MachineError with its path."""
     if dataclasses.is_dataclass(kind):
         return read_keys(value, kinds_of(kind), where)  # type: ignore[arg-type]
     if get_origin(kind) is dict:
@@ -70,11 +66,7 @@ def _keys_of(value: Any, where: str) -> dict[Any, Any]:
 
 
 def known_key(key: Any, known: Iterable[str], where: str) -> None:
-    """Refuse a key that is not known.
-
-    Raises:
-        MachineError: with the path of the key and the nearest known one.
-    """
+    """Refuse a key that is not known with its path and the nearest known one."""
     if key not in (names := tuple(known)):
         raise MachineError(f"{_join(where, key)}: unknown key; {nearest(str(key), names)}")
 

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Meta
 
 from pinotwin.arrays import Floats
-from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
+from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, POSITIONS, Column, is_contract_name
 from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
-from pinotwin.machine.reading import Number, known_key, read
+from pinotwin.machine.reading import Number, known_key, read, read_keys
 from pinotwin.machine.urdf_check import read_tree
+from pinotwin.units import SI_FACTOR
+
+_NAME = re.compile(r"[A-Za-z_]\w*$")
+_FACTOR = Annotated[Number | str, Meta(description="a number, or the name of one in the log")]
+_COLUMN = {"column": str | int, "unit": str, "factor": _FACTOR} | dict.fromkeys(
+    ("offset", "rate", "wrap"), Number
+)
 
 
 def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
@@ -59,7 +68,7 @@ def loops(file: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
 
 def columns(stated: Mapping[str, Any], names: tuple[str, ...], model: pin.Model) -> dict[str, Column]:
     """Return the columns; a channel must belong to an axis, a passive joint or a link."""
-    columns = parse_columns(stated, "columns")
+    columns = parse_columns(stated)
     frames = [frame.name for frame in model.frames]
     for channel in columns:
         owner, _, signal = channel.rpartition(".")
@@ -68,6 +77,35 @@ def columns(stated: Mapping[str, Any], names: tuple[str, ...], model: pin.Model)
         if owner and signal in LOAD_SIGNALS and owner not in frames:
             raise MachineError(f"columns.{channel}: no link {owner!r}; {nearest(owner, frames)}")
     return columns
+
+
+def parse_columns(stated: Any) -> dict[str, Column]:
+    """Return the columns that a mapping describes: channel -> fields of :class:`Column`, or the column's name."""
+    given = read({} if stated is None else stated, dict[str, Any], "columns")
+    return {name: _column(name, entry, f"columns.{name}") for name, entry in given.items()}
+
+
+def _column(name: str, entry: Any, path: str) -> Column:
+    if not (is_contract_name(name) or _NAME.match(name)):
+        signals = (*AXIS_SIGNALS, *LOAD_SIGNALS)
+        raise MachineError(f"{path}: no such signal; {nearest(name.rpartition('.')[2], signals)}")
+    if not isinstance(entry, str | dict):
+        raise MachineError(f"{path}: expected a column's name or keys and values, found {entry!r}")
+    given = read_keys({"column": entry} if isinstance(entry, str) else entry, _COLUMN, path)
+    column = Column(**given)
+    if isinstance(column.column, int):
+        column = dataclasses.replace(column, column=f"[{column.column}]")
+    if column.unit and column.unit.strip() not in SI_FACTOR:
+        raise MachineError(f"{path}.unit: unknown unit {column.unit!r}; {nearest(column.unit, SI_FACTOR)}")
+    if column.factor == 0:
+        raise MachineError(f"{path}.factor is 0, which erases the channel; correct it")
+    if column.rate is not None and (name != "t" or column.rate <= 0 or column.column):
+        raise MachineError(f"{path}.rate: only t may have a rate, above 0 Hz and instead of a column")
+    if column.wrap is not None and (name.rpartition(".")[2] not in POSITIONS or column.wrap <= 0):
+        raise MachineError(f"{path}.wrap: only q, qr and ql may wrap, after a range above 0")
+    if column.rate is None and column.column is None:
+        raise MachineError(f"{path}: has no column; add column: <name in the log>")
+    return column
 
 
 def transmission(
@@ -134,11 +172,7 @@ def _left_out(given: Any, file: str = "") -> Iterator[LeftOut]:
 
 
 def seconds(value: str | float, where: str) -> float:
-    """Return a time such as ``3.5 ms`` or ``0.0035`` (then in s) in seconds.
-
-    Raises:
-        MachineError: it is none.
-    """
+    """Return a time such as ``3.5 ms`` or ``0.0035`` (then in s) in seconds."""
     text, _, unit = str(value).strip().partition(" ")
     factor = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}.get(unit.strip())
     if factor is None:

@@ -49,15 +49,7 @@ def _without_turns(root: etree._Element) -> bytes:
 
 
 def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
-    """Return the model in which only ``joints`` move; every other joint is locked at zero.
-
-    Args:
-        path: URDF file.
-        joints: names of the joints to keep, one degree of freedom each.
-
-    Raises:
-        MachineError: see :func:`read_tree`; or a joint that does not exist or has no mass to move.
-    """
+    """Return the model in which only ``joints``, of one degree of freedom each, move; every other is locked at zero."""
     root = read_tree(path)
     known = moving_joints(root)
     for name in joints:
@@ -94,11 +86,7 @@ def idle_joints(model: pin.Model) -> list[str]:
 
 
 def check_inertia(model: pin.Model, where: str) -> None:
-    """Refuse a model in which some joint moves nothing.
-
-    Raises:
-        MachineError: naming the first such joint.
-    """
+    """Refuse a model in which some joint moves nothing, by the name of the first."""
     for joint in idle_joints(model)[:1]:
         raise MachineError(
             f"{where}: joint {joint!r} moves no inertia (massless link); give its "
@@ -107,10 +95,7 @@ def check_inertia(model: pin.Model, where: str) -> None:
 
 
 def no_urdf_holds(model: pin.Model) -> bool:
-    """Whether the inertias are such as no URDF is read with: a negative mass, or a joint that moves no inertia.
-
-    A fit that is free to leave what a body can have may find them.
-    """
+    """Whether a fit found what no URDF is read with: a negative mass, or a joint that moves no inertia."""
     return any(body.mass < 0.0 for body in model.inertias) or bool(idle_joints(model))
 
 
@@ -144,10 +129,7 @@ def package_dirs(path: Path, meshes: Sequence[Path] = ()) -> list[str]:
 
 
 def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()) -> bool:
-    """Replace mesh names that only mean something beside ``path`` by the files they mean.
-
-    So that a copy of the URDF elsewhere on this computer still finds them. Returns whether any was.
-    """
+    """Put the files in place of mesh names that only mean something beside ``path``; return whether any was."""
     changed = False
     for mesh in root.iter("mesh"):
         file = _mesh_file(mesh.get("filename") or "", path, meshes)
@@ -158,12 +140,7 @@ def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()
 
 
 def without_missing_meshes(path: Path, meshes: Sequence[Path] = ()) -> tuple[bytes, list[str]]:
-    """Return the URDF text with the meshes that are on this computer, and the names of the others.
-
-    Args:
-        path: the URDF.
-        meshes: folders to look in first: packages, their parents, or the meshes themselves.
-    """
+    """Return the URDF text with the meshes that are here, in ``meshes`` first, and the names of the others."""
     root = read_tree(path)
     missing: dict[str, None] = {}
     for shape in [*root.iter("visual"), *root.iter("collision")]:

@@ -25,11 +25,7 @@ _TYPES = (*MOVING, "fixed", "floating", "planar")
 
 
 def read_tree(path: Path, most: int = 2000) -> etree._Element:
-    """Parse a URDF file of at most so many links and joints and return its ``<robot>`` element.
-
-    Raises:
-        MachineError: no such file, not XML, not a URDF, or a link or joint that cannot be.
-    """
+    """Return the ``<robot>`` of a URDF file; MachineError for what no machine has, or more than ``most`` parts."""
     if not path.is_file():
         raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
     root = _parsed(path)

@@ -40,11 +40,7 @@ _Loader.yaml_implicit_resolvers = {
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the mapping in a YAML file.
-
-    Raises:
-        MachineError: no such file, a syntax error (with its line), or not a mapping.
-    """
+    """Return the mapping in a YAML file; MachineError, with the line of a syntax error, where there is none."""
     if not path.is_file():
         raise MachineError(f"{path}: no such file; give a machine folder or its machine.yaml")
     try:

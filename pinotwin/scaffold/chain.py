@@ -37,21 +37,16 @@ COLOURS = ((0.62, 0.65, 0.68), (0.21, 0.44, 0.60), (0.80, 0.62, 0.24), (0.36, 0.
 
 @dataclass(frozen=True)
 class Sizes:
-    """What the user knows of the machine.
+    """What the user knows of the machine."""
 
-    Attributes:
-        mass: axis -> mass that its joint moves alone [kg].
-        travel: axis -> lower and upper limit [m or rad].
-        offset: axis -> its joint's place in the frame of the joint before it [m], shape (3,).
-        apart: distance from one joint to the next along z where no offset is given [m].
-        factor: axis -> effort of one unit of its column in the log [N or N·m]: torque constant x gear.
-    """
-
-    mass: Mapping[str, float] = field(default_factory=dict)
+    mass: Mapping[str, float] = field(default_factory=dict)  # axis -> mass that its joint moves alone [kg]
+    # axis -> lower and upper limit [m or rad]
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # axis -> its joint's place in the frame of the joint before it [m], shape (3,)
     offset: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    # axis -> effort of one unit of its column in the log [N or N·m]: torque constant x gear
     factor: Mapping[str, float] = field(default_factory=dict)
-    apart: float = 0.15
+    apart: float = 0.15  # distance from one joint to the next along z where no offset is given [m]
 
 
 @dataclass(frozen=True)
@@ -73,15 +68,7 @@ def is_chain(text: str) -> bool:
 
 
 def parse_chain(text: str, rotary: str = "table") -> Chain:
-    """Return the chain that a text means.
-
-    Args:
-        text: see the module.
-        rotary: ``table`` or ``head``: what rotary axes carry where the text has no ``-``.
-
-    Raises:
-        MachineError: an axis twice, or none.
-    """
+    """Return the chain that a text means, see the module; ``rotary`` (table, head) is for one without ``-``."""
     text = text.lstrip("0")
     letters = text.replace("-", "")
     twice = next((a for a in letters if letters.count(a) > 1), None)
@@ -96,11 +83,7 @@ def parse_chain(text: str, rotary: str = "table") -> Chain:
 
 
 def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
-    """Return the URDF of a chain.
-
-    Raises:
-        MachineError: a size for an axis that the machine does not have, or one that cannot be.
-    """
+    """Return the URDF of a chain; MachineError for a size that cannot be, or of an axis that there is not."""
     for kind in ("mass", "travel", "offset"):
         for axis in getattr(sizes, kind):
             if axis not in chain.axes:

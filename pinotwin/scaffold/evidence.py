@@ -12,15 +12,10 @@ from pinotwin.signals import autocorrelation
 
 @dataclass(frozen=True)
 class Push:
-    """How well a column is explained as the effort of an axis.
+    """How well a column is explained as the effort of an axis."""
 
-    Attributes:
-        share: share of its variance that inertia, friction, position and a constant explain.
-        negative: whether both inertia and dry friction come out negative: the column's sign is turned.
-    """
-
-    share: float
-    negative: bool
+    share: float  # share of its variance that inertia, friction, position and a constant explain
+    negative: bool  # whether both inertia and dry friction come out negative: the column's sign is turned
 
 
 def moves(x: Floats) -> bool:
@@ -56,10 +51,7 @@ def smoothness(x: Floats) -> float:
 
 
 def lead(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return by how many samples ``x`` is ahead of ``y``, and the share of their difference that this explains.
-
-    Least squares of ``x - y`` on the change of ``x``, a constant aside; both of shape (n,).
-    """
+    """Return by how many samples ``x`` (n,) is ahead of ``y``, and the share of their difference that explains."""
     both = np.isfinite(x) & np.isfinite(y)
     speed = np.gradient(x[both])
     speed, apart = speed - speed.mean(), (x - y)[both] - np.mean((x - y)[both])
@@ -69,14 +61,7 @@ def lead(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
-    """Return how much of ``u`` an axis that moves as ``q`` would need.
-
-    Args:
-        q: position in any unit, shape (n,).
-        u: the column, shape (n,).
-        step: time of a sample [s].
-        longest: samples that are looked at.
-    """
+    """Return how much of a column ``u`` (n,) an axis that moves as ``q`` (n,) would need, asked of ``longest`` rows."""
     keep = slice(0, longest)
     position, effort = q[keep].astype(float), u[keep].astype(float)
     good = np.isfinite(position) & np.isfinite(effort)

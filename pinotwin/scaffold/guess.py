@@ -30,23 +30,14 @@ _SI_OF_TURN = {True: "rad", False: "m"}
 
 @dataclass(frozen=True)
 class Guess:
-    """One channel and the column it comes from.
+    """One channel and the column it comes from."""
 
-    Attributes:
-        channel: name of the contract.
-        column: name in the log; None for a clock made from ``rate``.
-        reason: why.
-        unit: unit to write into the YAML, "" where the file states it.
-        factor: remaining factor.
-        rate: sampling rate [Hz] of a clock without a column.
-    """
-
-    channel: str
-    column: str | None
-    reason: str
-    unit: str = ""
-    factor: float = 1.0
-    rate: float | None = None
+    channel: str  # name of the contract
+    column: str | None  # name in the log; None for a clock made from ``rate``
+    reason: str  # why
+    unit: str = ""  # unit to write into the YAML, "" where the file states it
+    factor: float = 1.0  # remaining factor
+    rate: float | None = None  # sampling rate [Hz] of a clock without a column
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -72,19 +63,12 @@ def in_one_line(entry: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Guesses:
-    """The columns of a log.
+    """The columns of a log."""
 
-    Attributes:
-        found: channel by channel.
-        open: what a person has to decide, one sentence each.
-        named: channels that the log already has under the contract's names.
-        unused: columns that no channel comes from.
-    """
-
-    found: tuple[Guess, ...] = ()
-    open: tuple[str, ...] = ()
-    named: tuple[str, ...] = ()
-    unused: tuple[str, ...] = ()
+    found: tuple[Guess, ...] = ()  # channel by channel
+    open: tuple[str, ...] = ()  # what a person has to decide, one sentence each
+    named: tuple[str, ...] = ()  # channels that the log already has under the contract's names
+    unused: tuple[str, ...] = ()  # columns that no channel comes from
 
     def __contains__(self, channel: str) -> bool:
         return channel in self.named or any(g.channel == channel for g in self.found)
@@ -117,13 +101,7 @@ class _Table:
 
 
 def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | None = None) -> Guesses:
-    """Return which column is which channel.
-
-    Args:
-        log: as read.
-        axes: axis -> its joint in the URDF, and whether it turns.
-        rate: sampling rate [Hz], for a log without a time column.
-    """
+    """Return which column is which channel; ``axes``: joint, whether it turns; ``rate`` [Hz] for want of a clock."""
     try:
         named = tuple(bind(log, {}).channels)  # they need no mapping, ROS' joint names among them
     except LogError:

@@ -34,17 +34,11 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Label:
-    """What a column's name says.
+    """What a column's name says."""
 
-    Attributes:
-        axis: the axis, None where the name does not say.
-        signal: ``qr q v u e``, or None.
-        why: the words that say so.
-    """
-
-    axis: str | None
-    signal: str | None
-    why: str
+    axis: str | None  # the axis, None where the name does not say
+    signal: str | None  # ``qr q v u e``, or None
+    why: str  # the words that say so
 
 
 def tokens(name: str) -> list[str]:
@@ -54,14 +48,7 @@ def tokens(name: str) -> list[str]:
 
 
 def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequence[str]) -> Label:
-    """Return axis and signal that a column's name and unit say.
-
-    Args:
-        name: the column.
-        unit: its unit as the file states it.
-        axes: names of the axes.
-        joints: names of their joints in the URDF, in the same order.
-    """
+    """Return axis and signal that a column's name, and its unit in the file, say; joints are in the axes' order."""
     words = tokens(name)
     signal, why = _signal(words, unit)
     axis = _axis(name, words, axes, joints)

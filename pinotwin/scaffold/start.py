@@ -13,12 +13,13 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.columns import bind, parse_columns
+from pinotwin.columns import bind
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots
+from pinotwin.machine.sections import parse_columns
 from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import axis_names, mimics, read_tree
 from pinotwin.notebook import Card, Shown
@@ -128,11 +129,7 @@ class _Task:
     meshes: str | Path | None
 
     def guesses(self, axes: Mapping[str, tuple[str, bool]]) -> Guesses:
-        """Return the guesses, none without a log, with the factors of efforts that are known.
-
-        Raises:
-            InputError: a factor is of no axis, or of one without an effort in the log.
-        """
+        """Return the guesses, none without a log, with known factors of efforts; InputError for one of no effort."""
         if self.log is None:
             return Guesses()
         guesses = guess_columns(self.log, axes, self.rate)
@@ -209,7 +206,7 @@ def _travel(
     """Return limits a tenth beyond what the log reaches [m or rad], for axes that do not turn endlessly."""
     entries = {g.channel: g.entry for g in guesses.found if g.channel.endswith(".q")}
     try:
-        bound = bind(log, parse_columns(entries, "columns"))
+        bound = bind(log, parse_columns(entries))
     except InputError:
         return {}
     out = {}

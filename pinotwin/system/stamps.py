@@ -18,10 +18,5 @@ def stamp(began: float) -> dict[str, Any]:
 
 
 def made(began: float, **options: Any) -> dict[str, Any]:
-    """Return date, time taken and options of a command.
-
-    Args:
-        began: ``time.monotonic()`` at its beginning.
-        options: as they were given; those that were not are left out.
-    """
+    """Return date, time taken since ``time.monotonic()`` was ``began``, and the options that were given."""
     return {**stamp(began), "options": {k: v for k, v in options.items() if v is not None}}

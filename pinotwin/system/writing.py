@@ -35,15 +35,7 @@ _PART = re.compile(r"\..+\.\w{8}\.part")
 
 
 def as_path(given: Any, name: str) -> Path:
-    """Return the path that a caller names.
-
-    Args:
-        given: text or a path.
-        name: of the argument, for the message.
-
-    Raises:
-        InputError: it is something else, or a text that cannot name a file.
-    """
+    """Return the path that a caller names; InputError, with the ``name`` of the argument, if it cannot name a file."""
     if isinstance(given, str | os.PathLike):
         try:
             os.lstat(given)
@@ -61,11 +53,7 @@ def as_path(given: Any, name: str) -> Path:
 
 
 def check_file(path: str | Path) -> None:
-    """Refuse a file that cannot be written, before any work is done for it.
-
-    Raises:
-        OutputError: with what to do.
-    """
+    """Refuse a file that cannot be written, before any work is done for it."""
     if not str(path).strip():
         raise OutputError("no name given for an output; give a file")
     target = Path(path)
@@ -78,11 +66,7 @@ def check_file(path: str | Path) -> None:
 
 
 def check_folder(path: str | Path) -> None:
-    """Refuse an output folder that cannot be made or filled, before any work is done for it.
-
-    Raises:
-        OutputError: with what to do.
-    """
+    """Refuse an output folder that cannot be made or filled, before any work is done for it."""
     if not str(path).strip():
         raise OutputError("--out: no name given; give a folder")
     target = Path(path)
@@ -129,11 +113,7 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def append_text(path: Path, text: str) -> None:
-    """Add text (UTF-8) at the end of a file, all of it or nothing.
-
-    Raises:
-        OutputError: it cannot be written (full disk, no permission); the file is as it was.
-    """
+    """Add text (UTF-8) at the end of a file, all of it or nothing: on an OutputError the file is as it was."""
     with _in_one_line(path), path.open("ab", buffering=0) as file:
         end = file.tell()
         try:
@@ -149,10 +129,7 @@ def append_text(path: Path, text: str) -> None:
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a file to write, of the same suffix; it takes the place of ``path`` only if nothing fails.
 
-    Missing folders are made.
-
-    Raises:
-        OutputError: it cannot be written (full disk, no permission); the earlier file is kept.
+    Missing folders are made. On an OutputError (full disk, no permission) the earlier file is kept.
     """
     target = Path(path).resolve()  # a symbolic link stays one
     if not _is_inside(target):
@@ -169,16 +146,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Path]:
-    """Yield a folder to fill; it takes the place of ``path`` only if nothing fails.
+    """Yield a folder to fill; it takes the place of ``path`` only if nothing fails, else the earlier one is kept.
 
-    What else lies in an earlier folder of that name is carried over, so that nobody's own notes are lost.
-
-    Args:
-        path: the folder.
-        replaces: patterns of names that belong to the result: those of an earlier run are not carried over.
-
-    Raises:
-        OutputError: it cannot be written (full disk, no permission); the earlier folder is kept.
+    What else lies in an earlier folder of that name is carried over, so that nobody's own notes are lost, but for what
+    the patterns of ``replaces`` name: results of an earlier run.
     """
     check_folder(path)
     target = Path(path).resolve()
@@ -190,11 +161,7 @@ def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Pat
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Make a folder that many results go into, and hold it: the lock ends with the process, however that ends.
-
-    Raises:
-        OutputError: another process holds it.
-    """
+    """Make a folder that many results go into, and hold it against others: until the process ends, however it does."""
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         try:
@@ -210,12 +177,7 @@ def alone_in(folder: Path) -> Iterator[None]:
 def held(path: Path, *, wait: bool = True) -> Iterator[bool]:
     """Hold a file or folder; yield whether it is held: not everywhere are there locks.
 
-    Args:
-        path: what to hold.
-        wait: for another process that holds it.
-
-    Raises:
-        BlockingIOError: another process holds it.
+    BlockingIOError if another process holds it and this one is not to ``wait``.
     """
     handle = None
     with ExitStack() as stack:
@@ -353,10 +315,7 @@ def sweep(target: Path) -> None:
 
 
 def _settle(part: Path, target: Path, usual: int) -> None:
-    """Give a part the mode of what it replaces, and wait until it is on the disk.
-
-    A rename may overtake the contents when the power fails.
-    """
+    """Give a part the mode of what it replaces, and wait for its contents: a rename may overtake them on the disk."""
     for file in [p for p in part.rglob("*") if p.is_file()] if part.is_dir() else [part]:
         handle = os.open(file, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
         try:

@@ -10,8 +10,9 @@ import dataclasses
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict, get_type_hints
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import yaml
@@ -25,12 +26,42 @@ from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import no_urdf_holds, with_inertias
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.writing import whole_folder, write_bytes, write_text
-from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
+from pinotwin.twin.misfit import FILE, read_misfit, write_misfit
 from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
 SCHEMA = "pinotwin.twin/1"
 COVARIANCE = "covariance.npz"
+
+
+class _Settings(TypedDict, total=False):
+    """Options of :func:`pinotwin.prepare`."""
+
+    cutoff: float | None
+    decimate: int | None
+    order: int | None
+    resample: float | None
+    leave_out: list[tuple[str, str | float, float]] | None
+    lead: dict[str, float] | None
+
+
+class _Document(TypedDict):
+    """What is read of twin.json; see :func:`document`."""
+
+    parameters: list[dict[str, Any]]
+    effects: list[dict[str, Any]]
+    theta: list[float]
+    covariance_lower: dict[str, str] | list[list[float]]  # of a file, or written out as twins had it once
+    standard_inertial_parameters: list[float]
+    loops: dict[str, dict[str, Any]]
+    servos: NotRequired[dict[str, dict[str, Any]]]
+    diagonal: dict[str, list[float]]
+    quality: dict[str, Any]
+    not_separable: list[list[str]]
+    data: list[dict[str, Any]]
+    settings: _Settings
+    misfit: NotRequired[dict[str, dict[str, Any]] | None]
+    files: dict[str, str]
 
 
 def save(twin: Twin, folder: Path) -> Path:
@@ -157,65 +188,63 @@ def load(folder: Path) -> Twin:
         found = content.get("schema") if isinstance(content, dict) else None
         raise TwinError(f"{path}: schema {found!r}, this version reads {SCHEMA!r}; identify again")
     machine = Machine.load(path.parent)
-    _check_digests(path, content, machine)
-    try:
-        return _twin(machine, content, path.parent)
-    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError) as error:
-        raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
-
-
-def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> None:
-    """Refuse a twin that was edited, or whose files come from different runs."""
     if content.get("digest") != _digest(content):
         raise TwinError(
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
         )
-    found = _digests(path.parent, machine.urdf)
-    for name in {**content["files"], **found}:
+    try:
+        stated = msgspec.convert(content, _Document)
+        _check_digests(path.parent, stated["files"], machine)
+        return _twin(machine, stated, path.parent)
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError) as error:
+        raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
+
+
+def _check_digests(folder: Path, saved: dict[str, str], machine: Machine) -> None:
+    """Refuse a twin whose files come from different runs."""
+    found = _digests(folder, machine.urdf)
+    for name in {**saved, **found}:
         if name not in found:
-            raise TwinError(f"{path.parent / name}: is missing; put it back, or identify the twin again")
-        if content["files"].get(name) != found[name]:
+            raise TwinError(f"{folder / name}: is missing; put it back, or identify the twin again")
+        if saved.get(name) != found[name]:
             raise TwinError(
-                f"{path.parent / name}: is not the one that this twin was saved with (its digest in "
+                f"{folder / name}: is not the one that this twin was saved with (its digest in "
                 "twin.json differs); put it back, or identify the twin again"
             )
 
 
-def _twin(machine: Machine, content: dict[str, Any], folder: Path) -> Twin:
+def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
     effects = tuple(_remade(machine, item) for item in content["effects"])
-    theta = np.array(content["theta"], dtype=float)
+    theta = np.array(content["theta"])
     if len(theta) != effect_slices(effects)[-1].stop:
         raise ValueError("the number of coefficients does not fit the effects")
+    misfit = None
+    if (summary := content.get("misfit")) and (folder / FILE).is_file():
+        misfit = read_misfit(folder / FILE, machine.names, machine.rotary, summary)
     return Twin(
         machine=machine,
         effects=effects,
         theta=theta,
         covariance=_covariance(folder, content["covariance_lower"], len(theta)),
-        parameters=Parameters(_parameter(row) for row in content["parameters"]),
-        pi=np.array(content["standard_inertial_parameters"], dtype=float),
-        **_closed_loop(content),
+        parameters=Parameters(map(_parameter, content["parameters"])),
+        pi=np.array(content["standard_inertial_parameters"]),
+        diagonal={key: np.array(row) for key, row in content["diagonal"].items()},
+        **_closed_loop(content["loops"], content.get("servos", {})),
         quality=content["quality"],
         data=content["data"],
         settings=content["settings"],
         groups=content["not_separable"],
-        misfit=_misfit(folder, machine, content),
+        misfit=misfit,
     )
 
 
-def _misfit(folder: Path, machine: Machine, content: dict[str, Any]) -> Misfit | None:
-    summary = content.get("misfit")
-    if not summary or not (folder / FILE).is_file():
-        return None
-    return read_misfit(folder / FILE, machine.names, machine.rotary, summary)
-
-
-def _covariance(folder: Path, given: Any, size: int) -> Floats:
-    """Return the covariance, shape (size, size), from its file, or written out as twins had it once."""
+def _covariance(folder: Path, given: dict[str, str] | list[list[float]], size: int) -> Floats:
+    """Return the covariance, shape (size, size)."""
     if isinstance(given, dict):
         with np.load(folder / COVARIANCE, allow_pickle=False) as file:
             lower = file["lower"]
     else:
-        lower = np.concatenate([np.asarray(row, dtype=float) for row in given])
+        lower = np.concatenate(given)
     matrix = np.zeros((size, size))
     matrix[np.tril_indices(size)] = lower.reshape(size * (size + 1) // 2)
     return np.asarray(matrix + np.tril(matrix, -1).T)
@@ -226,26 +255,24 @@ def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
         return machine.rigid_body
     for effect in machine.effects:
         if effect.name == item["effect"] and effect.axis == item["axis"]:
-            fields = {k: tuple(v) if isinstance(v, list) else v for k, v in item["fields"].items()}
-            return dataclasses.replace(effect, **fields)  # type: ignore[type-var]
+            types = get_type_hints(type(effect))
+            found = {k: msgspec.convert(x, types[k]) for k, x in item["fields"].items()}
+            return dataclasses.replace(effect, **found)  # type: ignore[type-var]
     raise ValueError(f"effect {item['key']} is not in machine.yaml")
 
 
 def _parameter(row: dict[str, Any]) -> Parameter:
-    value, error = (np.nan if row[key] is None else float(row[key]) for key in ("value", "standard_error"))
-    kept = {f.name: row[f.name] for f in dataclasses.fields(Parameter) if f.name in row}
-    return Parameter(**kept | {"value": value, "error": error})
+    row = {**row, "error": row["standard_error"]}
+    return msgspec.convert(row | {k: np.nan for k in ("value", "error") if row[k] is None}, Parameter)
 
 
-def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:
-    diagonal = {key: np.array(row, dtype=float) for key, row in content["diagonal"].items()}
-    servos = content.get("servos", {})
-    if not content["loops"] and not servos:
-        return {"diagonal": diagonal}
+def _closed_loop(loops: dict[str, dict[str, Any]], servos: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the loops and controllers of a twin; of one without, their code is not imported."""
+    if not loops and not servos:
+        return {}
     from pinotwin.loop import LoopModel, Servo
 
     return {
-        "loops": {k: LoopModel.from_dict(v) for k, v in content["loops"].items()},
+        "loops": {k: LoopModel.from_dict(v) for k, v in loops.items()},
         "servos": {k: Servo.from_dict(v) for k, v in servos.items()},
-        "diagonal": diagonal,
     }

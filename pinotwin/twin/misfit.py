@@ -26,18 +26,12 @@ _DOUBLE = ("t", "q", "qr", "ql")
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """The twin's own logs, and what it leaves of them when it does not know them.
+    """The twin's own logs, and what it leaves of them when it does not know them."""
 
-    Attributes:
-        motion: the own logs as prepared, long ones in part.
-        fold: part of the cross-validation that each row belongs to, shape (n,).
-        theta: coefficients with which that part was predicted, shape (folds, p).
-        summary: axis -> size by regime, spectrum and correlation time; what ``twin.json`` shows.
-    """
-
-    motion: Motion
-    fold: Ints
-    theta: Floats
+    motion: Motion  # the own logs as prepared, long ones in part
+    fold: Ints  # part of the cross-validation that each row belongs to, shape (n,)
+    theta: Floats  # coefficients with which that part was predicted, shape (folds, p)
+    # axis -> size by regime, spectrum and correlation time; what ``twin.json`` shows
     summary: Mapping[str, Any]
 
     @cached_property
@@ -69,11 +63,7 @@ def write_misfit(misfit: Misfit, path: Path) -> None:
 def read_misfit(
     path: Path, names: tuple[str, ...], rotary: tuple[bool, ...], summary: Mapping[str, Any]
 ) -> Misfit:
-    """Read what :func:`write_misfit` wrote.
-
-    Raises:
-        TwinError: the file is damaged or of another machine.
-    """
+    """Read what :func:`write_misfit` wrote; TwinError if it is damaged or of another machine."""
     try:
         with np.load(path, allow_pickle=False) as data:
             found = {k: data[k] for k in data.files}

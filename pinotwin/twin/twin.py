@@ -192,16 +192,7 @@ TwinLike = Twin | str | Path
 
 
 def as_twin(given: Any, name: str = "twin") -> Twin:
-    """Return a twin as it is, or load it.
-
-    Args:
-        given: a twin, or its folder.
-        name: of the argument, for the message.
-
-    Raises:
-        InputError: it is something else.
-        TwinError: the folder holds no twin.
-    """
+    """Return a twin as it is, or load its folder; ``name`` of the argument is for messages."""
     if isinstance(given, Twin):
         return given
     if isinstance(given, str | Path):
@@ -210,11 +201,7 @@ def as_twin(given: Any, name: str = "twin") -> Twin:
 
 
 def as_subject(given: Any, name: str = "subject") -> Machine | Twin:
-    """Return a machine or twin as it is, or load what a folder holds: a twin, else a machine.
-
-    Raises:
-        InputError: it is something else, or cannot be loaded.
-    """
+    """Return a machine or twin as it is, or load what a folder holds: a twin, else a machine."""
     if isinstance(given, Twin):
         return given
     if isinstance(given, str | Path):

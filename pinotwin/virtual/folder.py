@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -126,4 +127,6 @@ def _scalar(kind: Any, raw: Any, where: str) -> Any:
     accepted = kind if kind in (bool, str) else (int, float)
     if not isinstance(raw, accepted) or (accepted == (int, float) and isinstance(raw, bool)):
         raise MachineError(f"{where}: expected {kind.__name__}, found {raw!r}")
+    if kind is not str and not abs(raw) <= sys.float_info.max:
+        raise MachineError(f"{where}: expected a finite number, found {raw!r}")
     return kind(raw)

@@ -72,8 +72,16 @@ class VirtualMachine:
             withhold: effects to leave out of the truth: ``"stribeck"``, ``"stribeck:Y"``.
             inject: effects to add: ``"backlash:Y=0.1"`` or
                 ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``.
+
+        Raises:
+            MachineError: a file is missing, or a value in it is one that no machine can have.
         """
-        return cls.build(read_folder(folder), withhold=withhold, inject=inject)
+        try:
+            return cls.build(read_folder(folder), withhold=withhold, inject=inject)
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise MachineError(
+                f"{folder}: no machine has these values ({error}); correct machine.yaml or virtual.yaml"
+            ) from None
 
     @classmethod
     def build(

@@ -14,11 +14,7 @@ from pinotwin.logs.files.long_form import is_text, spread
 
 
 def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool = False) -> None:
-    """Move the columns of a table into ``content``; text is left out.
-
-    A table in long form is spread, and channels that stand in rows of their own are put on one clock, unless
-    ``blank_is_missing``.
-    """
+    """Move the columns of a table, but text, into ``content``, on one clock unless ``blank_is_missing``."""
     names = distinct(table.column_names)
     content.stated.update(repeated(names, table.column_names))
     table = table.rename_columns(names)

@@ -22,16 +22,11 @@ CARRIED = "written on change, carried forward to the next"
 
 @dataclass
 class Group:
-    """Channels that share a clock.
+    """Channels that share a clock."""
 
-    Attributes:
-        clock: name of the clock, for messages.
-        t: its time stamps, shape (n,), NaN where the clock has ended.
-        channels: name -> values, each of shape (n,).
-    """
-
-    clock: str
-    t: Floats
+    clock: str  # name of the clock, for messages
+    t: Floats  # its time stamps, shape (n,), NaN where the clock has ended
+    # name -> values, each of shape (n,)
     channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def whole(self, source: str) -> Group:
@@ -51,10 +46,7 @@ class Group:
 def on_one_clock(
     groups: list[Group], source: str, slower: float = 1.5
 ) -> tuple[Floats, dict[str, Floats], list[str]]:
-    """Return the main clock, all channels on it, and what was done, in one sentence each.
-
-    A clock whose step is more than ``slower`` times that of the main clock is too slow for it.
-    """
+    """Return the main clock, the channels of all clocks not ``slower`` on it, and what was done, in a sentence each."""
     joined: list[Group] = []
     for group in (g.whole(source) for g in groups if g.channels):
         same = next((g for g in joined if np.array_equal(g.t, group.t, equal_nan=True)), None)
@@ -99,14 +91,10 @@ def messages_on_one_clock(topic: str, arrays: Arrays, source: str) -> tuple[dict
 
 
 def streams(name: str, t: Floats, arrays: Arrays) -> tuple[list[Group], list[str]]:
-    """Return the groups of messages that share a topic, and what was done, in one sentence each.
+    """Return the groups of messages at ``t`` [s] that share the topic ``name``, and what was done, a sentence each.
 
-    Several publishers may share it, each at its own rate. A message that repeats another with its stamp is dropped.
-
-    Args:
-        name: of the topic.
-        t: time of each message [s].
-        arrays: channels, NaN where a message does not hold them.
+    Several publishers may share it, each at its own rate: a channel is NaN where a message does not hold it. A message
+    that repeats another with its stamp is dropped.
     """
     kept = fresh(t, arrays)
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []

@@ -61,27 +61,18 @@ class Holes(str):
 
 @dataclass
 class Content:
-    """Flattened content of one file while it is being read.
+    """Flattened content of one file while it is being read."""
 
-    Attributes:
-        arrays: dotted name -> array of any shape.
-        units: name -> unit that the file states.
-        left_out: names of what is no number (text, cells, references).
-        notes: what the reader noticed.
-        place: says where a row (counted from 0) is in the file, for messages.
-        clock: name of the array whose length is the log's; "" leaves it to the majority.
-        stated: name -> name that the file states for this array and others.
-        parts: column of lists -> names of their parts.
-    """
-
-    arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)  # dotted name -> array of any shape
+    units: dict[str, str] = field(default_factory=dict)  # name -> unit that the file states
+    left_out: list[str] = field(default_factory=list)  # names of what is no number (text, cells, references)
+    notes: list[str] = field(default_factory=list)  # what the reader noticed
+    # says where a row (counted from 0) is in the file, for messages
     place: Callable[[int], str] = "row {}".format
-    clock: str = ""
+    clock: str = ""  # name of the array whose length is the log's; "" leaves it to the majority
+    # name -> name that the file states for this array and others
     stated: dict[str, str] = field(default_factory=dict)
-    parts: dict[str, list[str]] = field(default_factory=dict)
+    parts: dict[str, list[str]] = field(default_factory=dict)  # column of lists -> names of their parts
 
     @property
     def numbers(self) -> int:
@@ -116,16 +107,7 @@ def damaged(source: str, error: Exception, remedy: str = "save or copy it again"
 
 
 def limited(source: str, numbers: int, size: int) -> None:
-    """Refuse a file that holds more numbers than any log, or than a log of its size, before memory is asked for.
-
-    Args:
-        source: the file's name, for messages.
-        numbers: how many it claims; each becomes a float of 8 bytes.
-        size: of the file [bytes].
-
-    Raises:
-        LogError: it claims too many.
-    """
+    """Refuse a file of ``size`` bytes that claims more ``numbers`` than any log, or one of its size, may hold."""
     most = min(MOST, (_FREE + _EXPANSION * size) // 8)
     if not 0 <= numbers <= most:
         raise LogError(
@@ -135,16 +117,7 @@ def limited(source: str, numbers: int, size: int) -> None:
 
 
 def to_log(content: Content, source: str, only: str | None = None) -> Log:
-    """Return the log that is in the content of a file.
-
-    Args:
-        content: what was read.
-        source: the file's name, for messages.
-        only: keep names that begin with this (a file with several clocks).
-
-    Raises:
-        LogError: nothing in it is a channel.
-    """
+    """Return the log in the content of a file, of names that begin with ``only``; LogError where no channel is."""
     arrays = {k: np.squeeze(x) for k, x in content.arrays.items() if k.startswith(only or "")}
     if not arrays:
         kind = f"no numbers whose name begins with {only!r}" if only else "no numbers"
@@ -209,10 +182,7 @@ def repeated(names: Sequence[str], stated: Sequence[str]) -> dict[str, str]:
 
 
 def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
-    """Take out the columns of one name that never change; return what was done about repeated names.
-
-    ``q_d[0]`` to ``q_d[6]`` are judged as one: an axis at rest among moving ones is kept.
-    """
+    """Take out the columns of one name that never change, ``q_d[0]`` to ``q_d[6]`` as one; return what was done."""
     families: dict[str, list[str]] = {}
     for name in channels:
         if name in stated:

@@ -15,16 +15,7 @@ LogLike = Log | str | Path
 
 
 def as_log(given: Any, name: str = "log") -> Log:
-    """Return a log as it is, or read it.
-
-    Args:
-        given: a log, a file name, a pandas DataFrame, or a mapping of arrays.
-        name: of the argument, for the message.
-
-    Raises:
-        InputError: it is something else.
-        LogError: the file cannot be used.
-    """
+    """Return a log as it is, or of a file, a DataFrame, a mapping of arrays; ``name``, of the argument, is said."""
     if isinstance(given, Log):
         return given
     if isinstance(given, str | Path):

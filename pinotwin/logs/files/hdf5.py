@@ -13,10 +13,7 @@ from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
 
 
 def load(path: Path, source: str) -> Content:
-    """Return the data sets of an HDF5 file; ``group/set`` becomes ``group.set``.
-
-    The attribute ``unit`` or ``units`` of a data set is its unit.
-    """
+    """Return the data sets of an HDF5 file as ``group.set``; their attribute ``unit`` or ``units`` is their unit."""
     content = Content()
     try:
         with h5py.File(path, "r") as file:

@@ -50,20 +50,14 @@ _SANE = (1e-6, 1.0)
 
 @dataclass(frozen=True)
 class Header:
-    """What the rows above the numbers say of the columns.
+    """What the rows above the numbers say of the columns."""
 
-    Attributes:
-        names: of the columns; none where the rows are no header.
-        units: name -> unit.
-        rows: how many rows it has.
-        clocks: clock column -> columns that it stamps, where there are several.
-        stated: name -> name that the file states for this column and others.
-    """
-
-    names: list[str] = field(default_factory=list)
-    units: dict[str, str] = field(default_factory=dict)
-    rows: int = 0
+    names: list[str] = field(default_factory=list)  # of the columns; none where the rows are no header
+    units: dict[str, str] = field(default_factory=dict)  # name -> unit
+    rows: int = 0  # how many rows it has
+    # clock column -> columns that it stamps, where there are several
     clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    # name -> name that the file states for this column and others
     stated: dict[str, str] = field(default_factory=dict)
 
 
@@ -187,10 +181,7 @@ def _stamping(names: Sequence[str], ticks: Sequence[bool]) -> dict[str, tuple[st
 
 
 def are_steps(name: str, x: Floats, unit: str) -> bool:
-    """Whether a column holds the time of each row, by its name (``dt``, ``duration``) and its numbers.
-
-    Numbers that only rise are a clock.
-    """
+    """Whether a column holds the time of each row, by name (``dt``, ``duration``) and numbers; a clock only rises."""
     bare = re.split(r"[\[(]", name)[0].strip()
     called = re.fullmatch(rf"(?:{_PERIOD}|duration)", bare, re.I) and unit in TIMES
     if not called or x.ndim != 1 or len(x) < 2:
@@ -202,13 +193,9 @@ def are_steps(name: str, x: Floats, unit: str) -> bool:
 def read_preamble(
     lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str], shown: int = 6
 ) -> tuple[float | None, dict[str, str], list[str]]:
-    """Return what the lines above the header say: sample time [s], column -> unit, and notes.
+    """Return what the lines above the header say: sample time [s], column of ``names`` -> unit, and notes.
 
-    Args:
-        lines: the lines, comments among them.
-        rows: cells of those that are no comments.
-        names: the file's columns.
-        shown: how many of the lines a note repeats.
+    The notes repeat ``shown`` of the lines at most; ``rows`` are the cells of those that are no comments.
     """
     kept = [line.strip() for line in lines if line.strip(' ;,\t"')]
     notes = []

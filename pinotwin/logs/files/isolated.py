@@ -1,23 +1,20 @@
-"""Reading in a child process: what a damaged file does to a C library ends the child, not the user's work.
+"""Reading in a process of its own: what a damaged file does to a C library ends that, not the user's work.
 
-One wrong byte in a MATLAB v5 file is a segmentation fault in SciPy's reader, one in an HDF5 file keeps that
-library busy for ever, deaf to signals. So a forked child reads them, with a limit of memory and of time,
-and hands over what it read through a pipe. The fork costs milliseconds; the numbers are copied once. Where there
-is no fork (Windows), a new interpreter reads, with a limit of time alone.
+One wrong byte in a MATLAB v5 file is a segmentation fault in SciPy's reader, one in an HDF5 file keeps that library
+busy for ever, deaf to signals. So a new interpreter reads them, on every system alike, and hands over what it read
+through a pipe: some tenths of a second. Its time is limited, and its memory where the system tells of it (Linux).
 """
 
 from __future__ import annotations
 
 import contextlib
-import faulthandler
 import importlib
 import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 
@@ -25,6 +22,7 @@ from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content, limited
 
 Loader = Callable[[Path, str], Content]
+_TOO_LARGE = "holds more than its size allows for: the file is damaged; export it again"
 
 
 def load(
@@ -37,72 +35,53 @@ def load(
     memory: int = 2**31,
     expansion: int = 30,
 ) -> Content:
-    """Return what ``loader`` reads from a file, in a process of its own.
+    """Return what ``loader`` reads from a file in a process of its own; LogError, its own or why it did not end well.
 
-    Args:
-        loader: reads it.
-        path: the file.
-        source: its name in messages.
-        seconds: given to any file; large ones have more.
-        rate: what the slowest of compressed files is read at [bytes/s].
-        memory: given to any file [bytes], and ``expansion`` times its own size.
-        expansion: of the most compressed.
-
-    Raises:
-        LogError: the loader's own, or that the file ended, or held up, its reader.
+    Any file has some ``seconds``, and one more for so many bytes as ``rate`` says, that of the slowest compressed ones;
+    ``memory`` [bytes], and ``expansion`` times its own size.
     """
     size = path.stat().st_size
     seconds += size / rate
-    if hasattr(os, "fork"):
-        said, code = _forked(loader, path, source, seconds, memory + expansion * size)
-    else:
-        said, code = _begun(loader, path, source, seconds)
+    said, why = _read(loader, path, source, seconds, memory + expansion * size)
     if isinstance(said, Content):
         return said
-    if said is not None:
-        raise LogError(said)
-    if code is None:
-        why = f"its reader was not done after {seconds:.0f} s"
-    else:
-        why = f"it ended its reader ({signal.Signals(-code).name if code < 0 else f'exit {code}'})"
-    raise LogError(f"{source}: cannot be read: {why}: the file is damaged; export it again")
+    raise LogError(said or f"{source}: {why}")
 
 
-def _forked(
+def _read(
     loader: Loader, path: Path, source: str, seconds: float, memory: int
-) -> tuple[Content | str | None, int | None]:
-    """Return what a forked child read or complains of, and its exit code; None if it was not done in time."""
-    here, there = Pipe(duplex=False)
-    child = os.fork()
-    if child == 0:
-        _read(loader, path, source, there, memory)
-    there.close()
-    said: Content | str | None = None
-    done = False
-    try:
-        done = here.poll(seconds)
-        with contextlib.suppress(EOFError):
-            said = here.recv() if done else None
-    finally:
-        here.close()
-        if not done:
-            os.kill(child, signal.SIGKILL)
-        status = os.waitpid(child, 0)[1]
-    return said, os.waitstatus_to_exitcode(status) if done else None
+) -> tuple[Content | str | None, str]:
+    """Return what another interpreter read or complains of; None, and why, if it did not come to its end."""
+    words = [sys.executable, "-P", "-m", __name__, loader.__module__, loader.__qualname__, str(path), source]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    end, content = time.monotonic() + seconds, b""
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as job:
+        try:
+            while job.returncode is None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    content, _ = job.communicate(timeout=0.05)
+                    continue
+                if time.monotonic() > end:
+                    return None, _ended(f"its reader was not done after {seconds:.0f} s")
+                if _resident(job.pid) > memory:
+                    return None, _TOO_LARGE
+        finally:
+            job.kill()
+    code = job.returncode
+    if code == 0:
+        return ForkingPickler.loads(content), ""
+    return None, _ended(f"it ended its reader ({signal.Signals(-code).name if code < 0 else f'exit {code}'})")
 
 
-def _read(loader: Loader, path: Path, source: str, there: Connection, memory: int) -> None:
-    """Read, hand over and end; nothing of the parent's may run here, not even at exit."""
-    code = 70
-    try:
-        faulthandler.disable()
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        _limit(memory)
-        there.send(_loaded(loader, path, source))
-        code = 0
-    finally:
-        os._exit(code)
+def _ended(why: str) -> str:
+    return f"cannot be read: {why}: the file is damaged; export it again"
+
+
+def _resident(process: int) -> int:
+    """Return the memory that a process holds [bytes], 0 where the system does not say."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
 
 
 def _loaded(loader: Loader, path: Path, source: str) -> Content | str:
@@ -113,37 +92,10 @@ def _loaded(loader: Loader, path: Path, source: str) -> Content | str:
     except LogError as error:
         return str(error)
     except MemoryError:
-        return f"{source}: holds more than its size allows for: the file is damaged; export it again"
-
-
-def _limit(memory: int) -> None:
-    """Let this process have no more than so many further bytes, and leave no core file."""
-    import resource
-
-    limit = 2**34 + memory  # where the system does not say what is in use
-    with contextlib.suppress(OSError, ValueError):
-        limit = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + memory
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    if hard == resource.RLIM_INFINITY or limit < hard:
-        resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _begun(
-    loader: Loader, path: Path, source: str, seconds: float
-) -> tuple[Content | str | None, int | None]:
-    """Return the same of a new interpreter, whose output is what it read, as a pipe has it."""
-    words = [sys.executable, "-m", __name__, loader.__module__, loader.__qualname__, str(path), source]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    try:
-        done = subprocess.run(words, capture_output=True, timeout=seconds, env=environment)
-    except subprocess.TimeoutExpired:
-        return None, None
-    said = ForkingPickler.loads(done.stdout) if done.returncode == 0 else None
-    return said, done.returncode
+        return f"{source}: {_TOO_LARGE}"
 
 
 if __name__ == "__main__":
     module, name, given, called = sys.argv[1:]
-    content = _loaded(getattr(importlib.import_module(module), name), Path(given), called)
-    sys.stdout.buffer.write(ForkingPickler.dumps(content))
+    read = _loaded(getattr(importlib.import_module(module), name), Path(given), called)
+    sys.stdout.buffer.write(ForkingPickler.dumps(read))

@@ -21,13 +21,7 @@ _NUMBERED = re.compile(r"(.*?)(name|position|velocity|effort)(?:\[|_)?(\d+)\]?$"
 def joint_columns(
     columns: Sequence[str], texts: Mapping[str, str], arrays: Mapping[str, NDArray[np.generic]]
 ) -> dict[str, str]:
-    """Return column -> ``<joint>.q .v .u``, by the names that stand in the table.
-
-    Args:
-        columns: all columns in their order.
-        texts: columns that hold one and the same text in every row -> that text.
-        arrays: columns of numbers.
-    """
+    """Return column -> ``<joint>.q .v .u`` by the names in ``texts``: columns that hold one text throughout -> it."""
     return _by_header(texts, arrays) or _by_order(columns, texts, arrays)
 
 

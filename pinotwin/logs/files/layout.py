@@ -29,48 +29,27 @@ _DELIMITERS = "\t;|, "
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of one text file.
+    """Layout of one text file."""
 
-    Attributes:
-        text: the whole file as UTF-8, without byte-order mark.
-        delimiter: comma, semicolon, tab, bar, or a space for runs of blanks.
-        decimal: decimal sign.
-        names: column names.
-        skip: physical lines before the first row of numbers.
-        comments: whether comment lines may occur after that.
-        units: name -> unit from a row of units beneath the header, or from the lines above it.
-        notes: what was noticed.
-        thousands: sign between groups of three digits, "" for none.
-        clocks: clock column -> columns that it stamps, where a file has several.
-        step: sample time that the lines above state [s], for a file without a time column.
-        stated: name -> name that the file states for this column and others.
-    """
-
-    text: bytes
-    delimiter: str
-    decimal: str
-    names: tuple[str, ...]
-    skip: int
-    comments: bool
+    text: bytes  # the whole file as UTF-8, without byte-order mark
+    delimiter: str  # comma, semicolon, tab, bar, or a space for runs of blanks
+    decimal: str  # decimal sign
+    names: tuple[str, ...]  # column names
+    skip: int  # physical lines before the first row of numbers
+    comments: bool  # whether comment lines may occur after that
+    # name -> unit from a row of units beneath the header, or from the lines above it
     units: dict[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    thousands: str = ""
+    notes: tuple[str, ...] = ()  # what was noticed
+    thousands: str = ""  # sign between groups of three digits, "" for none
+    # clock column -> columns that it stamps, where a file has several
     clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    step: float | None = None
+    step: float | None = None  # sample time that the lines above state [s], for a file without a time column
+    # name -> name that the file states for this column and others
     stated: dict[str, str] = field(default_factory=dict)
 
 
 def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
-    """Return the layout of a text log.
-
-    Args:
-        raw: the file's bytes.
-        stem: the file's name without ending; headerless columns are ``stem[0]``, ``stem[1]``...
-        source: the file's name, for messages.
-
-    Raises:
-        LogError: it is not a table of numbers.
-    """
+    """Return the layout of a text log, or LogError; columns without a header are ``stem[0]``, ``stem[1]``..."""
     text, notes = _decode(raw, source)
     grammar = plain(text)
     text = grammar.text
@@ -236,11 +215,7 @@ def _header_row(rows: Sequence[Sequence[str]], start: int) -> int:
 
 
 def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
-    """Whether commas cut every number in two: they are decimal sign and delimiter alike.
-
-    Raises:
-        LogError: they cut only some, and which cannot be told.
-    """
+    """Whether commas cut every number in two, decimal sign and delimiter alike; LogError where they cut only some."""
     top = _header_row(cells, start)
     names = [cell for cell in cells[top] if cell] if top >= 0 else []
     rows = [row[:-1] if row and not row[-1] else row for row in cells[top + 1 :]]

@@ -28,12 +28,7 @@ _WORDS = {"true": 1.0, "false": 0.0}
 
 
 def value_column(names: Sequence[str], texts: Collection[str]) -> str | None:
-    """Return the column that holds the values of a table in long form, by its title; None where it is none.
-
-    Args:
-        names: of all columns.
-        texts: of those that hold words: one of them must say what each value is of.
-    """
+    """Return the column of values of a table in long form, one of whose ``texts`` says what each is of; else None."""
     value = _titled(names, _VALUES)
     return value if any(_folded(name) in _NAMES for name in texts if name != value) else None
 

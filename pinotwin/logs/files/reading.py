@@ -87,12 +87,7 @@ def _read(paths: Sequence[Any], only: str | None = None, seen: Seen | None = Non
 
 
 def read_argument(text: str, seen: Seen | None = None) -> Log:
-    """Read what the command line names: one path, or several joined by ``+``.
-
-    Args:
-        text: as it was given.
-        seen: called with the share of the bytes that were read, 0 to 1; text files only.
-    """
+    """Read what the command line names: a path, or several joined by ``+``; ``seen`` is told the share read."""
     if os.path.exists(text) or "+" not in text:  # of a text that cannot be a name: False
         return _read([text], seen=seen)
     parts = [part.strip() for part in text.split("+")]
@@ -180,9 +175,6 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
 
     A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a
     clock that all files share, number for number, whatever its name, is kept once.
-
-    Raises:
-        LogError: the lengths differ, or two files have one stem and share names.
     """
     lengths = {log.source: len(log) for log in logs}
     if len(set(lengths.values())) > 1:

@@ -43,19 +43,13 @@ _SERVO, _OTHER = "servo", "other"
 
 @dataclass
 class _Topic:
-    """What one topic held.
+    """What one topic held."""
 
-    Attributes:
-        kind: whether it goes on the clock of the joints.
-        table: its numbers.
-        stamps: time of each message's header [ns]; 0 where it is not set.
-        logged: time of logging of each message [ns].
-    """
-
-    kind: str
-    table: Table = field(default_factory=Table)
+    kind: str  # whether it goes on the clock of the joints
+    table: Table = field(default_factory=Table)  # its numbers
+    # time of each message's header [ns]; 0 where it is not set
     stamps: list[int] = field(default_factory=list)
-    logged: list[int] = field(default_factory=list)
+    logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
 
     @property
     def stamped(self) -> bool:
@@ -161,10 +155,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
 
 
 def _without_doubles(groups: list[Group], content: Content) -> list[Group]:
-    """Keep a channel that several topics hold (a controller repeats the joint states) once, from the first.
-
-    The topic with most measured channels is asked first.
-    """
+    """Keep a channel that several topics hold (as controllers do) once, from that with most measured channels."""
     measured = sorted(groups, key=lambda g: -sum(name.endswith(".u") for name in g.channels))
     held: set[str] = set()
     out = []

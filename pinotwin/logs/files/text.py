@@ -41,27 +41,17 @@ Kinds = dict[str, Literal["text", "lists", "times"]]
 
 @dataclass(frozen=True)
 class _Body:
-    """The rows of numbers of a text log.
+    """The rows of numbers of a text log."""
 
-    Attributes:
-        text: bytes that hold the rows.
-        start: offset of the first row.
-        end: offset behind the last row.
-        names: names of all columns.
-        layout: the file's layout.
-        source: the file's name, for messages.
-        lines: line of the file of each row (from 0), where comments or blanks were taken out.
-        notes: what was taken out.
-    """
-
-    text: bytes
-    start: int
-    end: int
-    names: tuple[str, ...]
-    layout: Layout
-    source: str
+    text: bytes  # bytes that hold the rows
+    start: int  # offset of the first row
+    end: int  # offset behind the last row
+    names: tuple[str, ...]  # names of all columns
+    layout: Layout  # the file's layout
+    source: str  # the file's name, for messages
+    # line of the file of each row (from 0), where comments or blanks were taken out
     lines: Ints | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was taken out
 
     @property
     def delimiter(self) -> str:
@@ -80,14 +70,7 @@ class _Body:
 
 
 def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000_000) -> Content:
-    """Return the columns of a text log.
-
-    Args:
-        path: the file.
-        source: its name, for messages.
-        seen: called with the share that was read.
-        longest: letters of the longest first line: a few thousand columns.
-    """
+    """Return the columns of a text log; a first line of ``longest`` letters, a few thousand columns, is refused."""
     text = path.read_bytes()
     if len(text) > longest and not {10, 13} & set(text[:longest]):
         raise LogError(

@@ -24,14 +24,7 @@ _ORDER = {"error": 0, "warning": 1, "info": 2}
 def inspect(
     log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | None = None, settings: Settings = USUAL
 ) -> Quality:
-    """Return what a log in the names of the contract is worth.
-
-    Args:
-        log: bound log (SI).
-        axes: axis -> whether it is rotary.
-        limits: axis -> what it can do, if known.
-        settings: what is decided by.
-    """
+    """Return what a bound log (SI) is worth; ``axes`` says which are rotary, ``limits`` what they can do, if known."""
     findings: list[Finding] = []
     ticks = _clock(log, findings, settings)
     channels = {name: _channel(log, name) for name in log.channels if name != "t"}

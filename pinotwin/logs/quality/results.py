@@ -43,92 +43,54 @@ class Finding:
 
 @dataclass(frozen=True)
 class Limits:
-    """What an axis can do, SI; None where it is not known.
+    """What an axis can do, SI; None where it is not known."""
 
-    Attributes:
-        position: lowest and highest position.
-        velocity: highest speed.
-        effort: highest effort.
-        lead: time by which its effort is known to be ahead of its position [s].
-    """
-
-    position: tuple[float, float] | None = None
-    velocity: float | None = None
-    effort: float | None = None
-    lead: float = 0.0
+    position: tuple[float, float] | None = None  # lowest and highest position
+    velocity: float | None = None  # highest speed
+    effort: float | None = None  # highest effort
+    lead: float = 0.0  # time by which its effort is known to be ahead of its position [s]
 
 
 @dataclass(frozen=True)
 class ChannelQuality:
-    """One channel.
+    """One channel."""
 
-    Attributes:
-        missing: rows without a finite number.
-        low: smallest value [SI].
-        high: largest value [SI].
-        constant: whether all values are the same.
-        step: quantisation step [SI], None where none shows.
-        digits: significant digits to which the values were rounded, None where they were not.
-        saturated: share of the rows that sit on a flat top or bottom.
-    """
-
-    missing: int
-    low: float
-    high: float
-    constant: bool
-    step: float | None
-    digits: int | None
-    saturated: float
+    missing: int  # rows without a finite number
+    low: float  # smallest value [SI]
+    high: float  # largest value [SI]
+    constant: bool  # whether all values are the same
+    step: float | None  # quantisation step [SI], None where none shows
+    digits: int | None  # significant digits to which the values were rounded, None where they were not
+    saturated: float  # share of the rows that sit on a flat top or bottom
 
 
 @dataclass(frozen=True)
 class AxisQuality:
-    """One axis.
+    """One axis."""
 
-    Attributes:
-        rotary: whether positions are rad (else m).
-        moves: whether it moves at all.
-        low: lowest position [m or rad].
-        high: highest position [m or rad].
-        speed: highest speed reached [1/s].
-        acceleration: highest acceleration reached [1/s²].
-        lead: time by which the effort is ahead of the position [s], None where it cannot be told.
-        lead_error: standard error of that [s].
-    """
-
-    rotary: bool
-    moves: bool
-    low: float
-    high: float
-    speed: float
-    acceleration: float
+    rotary: bool  # whether positions are rad (else m)
+    moves: bool  # whether it moves at all
+    low: float  # lowest position [m or rad]
+    high: float  # highest position [m or rad]
+    speed: float  # highest speed reached [1/s]
+    acceleration: float  # highest acceleration reached [1/s²]
+    # time by which the effort is ahead of the position [s], None where it cannot be told
     lead: float | None = None
-    lead_error: float | None = None
+    lead_error: float | None = None  # standard error of that [s]
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What a log is worth.
+    """What a log is worth."""
 
-    Attributes:
-        source: the log's file.
-        rows: number of rows.
-        duration: from first to last stamp [s].
-        clock: what the time stamps say; None without a usable one.
-        cutoff: corner of the low-pass that the positions suggest [Hz].
-        channels: channel -> its quality.
-        axes: axis -> its quality.
-        findings: what a user should know, gravest first.
-    """
-
-    source: str
-    rows: int
-    duration: float
-    clock: Clock | None
-    cutoff: float
-    channels: Mapping[str, ChannelQuality]
-    axes: Mapping[str, AxisQuality]
-    findings: tuple[Finding, ...]
+    source: str  # the log's file
+    rows: int  # number of rows
+    duration: float  # from first to last stamp [s]
+    clock: Clock | None  # what the time stamps say; None without a usable one
+    cutoff: float  # corner of the low-pass that the positions suggest [Hz]
+    channels: Mapping[str, ChannelQuality]  # channel -> its quality
+    axes: Mapping[str, AxisQuality]  # axis -> its quality
+    findings: tuple[Finding, ...]  # what a user should know, gravest first
 
     @property
     def ok(self) -> bool:

@@ -140,10 +140,7 @@ def _against(q: Floats, k: int) -> Ints:
 
 
 def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats, float]:
-    """Return the change over the k rows before every row, that from the last one to it, that over the k after it.
-
-    Then the larger of both changes, and the range of the channel.
-    """
+    """Return the change over k rows before every row, to it, and after it; the larger of the outer two; the range."""
     span = float(np.nanmax(q) - np.nanmin(q))
     q = q if len(q) >= 2 * k + 2 else q[:0]
     before, after = q[k : -k - 1] - q[: -2 * k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
