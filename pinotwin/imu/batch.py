@@ -21,6 +21,7 @@ from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import mounting_from_rates
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.filters import group_delay
 from pinotwin.imu.latent import remainder
 from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
@@ -99,7 +100,7 @@ def prepare(
     servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit] | None
 ) -> tuple[_Problem, list[ClockFit]]:
     """Return the problem of all runs, linearised at the priors, and the clocks, found here where none are given."""
-    delay = float(np.sqrt(2.0) / (2.0 * np.pi * p.gyro_cutoff))
+    delay = group_delay(p.gyro_cutoff)
     settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
     if clocks is None:
         clocks = [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=True)]
@@ -247,10 +248,9 @@ def _whitened(
     m: RunModel, theta: Floats, problem: _Problem, whitener: Whitener, sd: Floats
 ) -> tuple[Floats, Floats]:
     """Return whitened residuals (m, 6) and the Jacobian in units of the priors (m, 6, p)."""
-    prediction = m.predict(theta, problem.lay, problem.R_ST)
-    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - prediction.y
-    both = np.concatenate([e[:, :, None], prediction.J * sd], axis=2)
-    both = whitener(both)[8:]  # the filter's own start
+    y, J = m.predict(theta, problem.lay, problem.R_ST)
+    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - y
+    both = whitener(np.concatenate([e[:, :, None], J * sd], axis=2))[8:]  # the filter's own start
     return both[:, :, 0], both[:, :, 1:]
 
 

@@ -30,13 +30,13 @@ from pinotwin.solve.sandwich import sandwich
 
 @dataclass(frozen=True)
 class ClockSegment:
-    """One unbroken stretch of the IMU's clock: rows, and t_ref at the stamp ``pivot``."""
+    """One unbroken stretch of the IMU's clock."""
 
     rows: slice
-    pivot: float
-    at_pivot: float
-    se: float
-    correlation: float
+    pivot: float  # a stamp within it [s]
+    at_pivot: float  # reference time there [s]
+    se: float  # its standard error [s]
+    correlation: float  # of the two rates' magnitudes [-]
 
 
 @dataclass(frozen=True)

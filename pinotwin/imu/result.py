@@ -115,14 +115,13 @@ def run_result(
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
     columns = m.columns(theta, lay)
-    delta = m.combine(columns, theta, lay)
     extra, extra_sd = _on_clock(t, left)
     places = m.places(lay)
     C = cov[np.ix_(places, places)]
     x, v, a = (c[rows] for c in (columns.x, columns.v, columns.a))
+    y = np.stack([c @ m.weights(theta, lay) for c in (x, v, a)], axis=1) + extra
     fast = high_passed(t, x, CORNER)
     slow = x - x.mean(axis=0) - fast
-    y = delta[rows] + extra
     slow_angle = y[:, 0] - np.mean(y[:, 0]) - high_passed(t, y[:, 0], CORNER)
 
     def sd(J: Floats, k: int) -> Floats:
