@@ -92,6 +92,7 @@ def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats
     stamps = source[good]
     after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
     near = stamps[after] - stamps[after - 1] <= bridged * np.median(np.diff(stamps))
+    near |= t == stamps[after]  # the first row behind a hole
     near &= (t >= stamps[0]) & (t <= stamps[-1])
     return np.where(near.reshape(-1, *[1] * (x.ndim - 1)), CubicSpline(stamps, x[good])(t), np.nan)
 
