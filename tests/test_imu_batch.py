@@ -18,6 +18,7 @@ from pinotwin.imu.filters import high_passed
 from pinotwin.imu.mode import decay, respond
 from pinotwin.imu.result import BatchResult, predict_readings
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+from pinotwin.imu.whiten import Whitener
 from pinotwin.reconstruction.combine import combine
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor, SensorClock, mti630
 from tests.test_imu_rig import DEG, Truth, record
@@ -267,3 +268,9 @@ def test_averaging_weighs_by_information() -> None:
     np.testing.assert_allclose(weighed, best, atol=0.1)
     with pytest.raises(DataError, match="at least two runs"):
         combine(runs[:1], [np.array(1.0)])
+
+
+def test_the_noise_admits_what_a_model_leaves_and_never_shrinks() -> None:
+    left = np.random.default_rng(0).normal(size=(20_000, 2)) * [0.5, 3.0]
+    wider = Whitener(np.ones((2, 1)), np.array([1.0, 2.0])).at_least(left)
+    np.testing.assert_allclose(wider.sigma, [1.0, 6.0], rtol=0.03)

@@ -57,7 +57,7 @@ def _observations(
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Return times, gyro residuals in the link frame, their projections, rows and variances."""
     wn, zeta = np.exp(theta[lay["mode"]])
-    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - m.predict(theta, lay, R_ST)[0]
+    e = m.read - m.predict(theta, lay, R_ST)[0]
     variance = _variance(whitener)
     R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
     clock = theta[lay["clock"]]

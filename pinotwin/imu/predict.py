@@ -49,16 +49,15 @@ class RunModel:
 
     def __init__(self, servo: ServoRun, imu: ImuRun, priors: Priors, start: Floats) -> None:
         """Prepare; ``start`` holds t_ref of every stamp, (m,), NaN where unknown."""
-        self.imu, self.priors = imu, priors
+        self.priors = priors
         self.fine = f = FineRun(servo)
         margin = 0.02
         inside = np.isfinite(start) & (start > f.t[0] + margin) & (start < f.t[-1] - margin)
-        self.rows = np.flatnonzero(inside)
-        self.base = start[self.rows]
+        self.read = np.hstack([imu.gyr, imu.acc])[inside]  # (m, 6)
+        self.base = start[inside]
         self.pivot = float(np.mean(self.base))
         self.centred = self.base - self.pivot
-        self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
-        self.hat = hats(self.base, self.base[0], self.base[-1], self.knots)
+        self.set_knots(max(2, 1 + round(np.ptp(self.base) / priors.knots)))
         self.interval = float(np.median(np.diff(self.base)))
         self.delay = group_delay(priors.gyro_cutoff)
         up = np.einsum("nji->nij", f.R)
@@ -74,7 +73,7 @@ class RunModel:
         self.w_max = float(np.max(np.abs(f.w)))
 
     def set_knots(self, knots: int) -> None:
-        """Use so many bias knots (all runs of a fit have as many)."""
+        """Use so many knots of the bias: all runs of a fit have as many."""
         self.knots = knots
         self.hat = hats(self.base, self.base[0], self.base[-1], knots)
 
@@ -135,8 +134,8 @@ class RunModel:
         R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
         clock = theta[lay["clock"]]
         at = (self.base + clock[0] + clock[1] * self.centred - self.fine.t[0]) / self.fine.step
-        J = np.zeros((len(self.rows), 6, lay.size))
-        y = np.empty((len(self.rows), 6))
+        J = np.zeros((len(self.base), 6, lay.size))
+        y = np.empty((len(self.base), 6))
         f_s, J_f = self._accel(theta, lay, R, columns, at)
         y[:, :3], J[:, :3] = self._gyro(theta, lay, R, columns, at, f_s)
         y[:, 3:], J[:, 3:] = self._accel_output(theta, lay, f_s, J_f)
