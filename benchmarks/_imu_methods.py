@@ -28,7 +28,7 @@ from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import fit_rotation, mounting_from_rates
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.ekf import EkfSettings, ekf
-from pinotwin.imu.filters import high_passed
+from pinotwin.imu.filters import group_delay, high_passed
 from pinotwin.imu.noise import rest
 from pinotwin.imu.orientation import Method, orientation
 from pinotwin.imu.result import CORNER, joint_frame
@@ -93,7 +93,7 @@ def _chain(
     filter that takes them for means is half a sample late, 0.6 deg/s of a vibration at 20 Hz.
     """
     if method == "ekf":
-        q = ekf(gyr, acc, rate, _ON_A_TABLE, rule="coning").q
+        q = ekf(gyr, acc, rate, _ON_A_TABLE, rule="coning")[0]
     else:
         q = orientation(gyr, acc, rate, method, rule="coning")
     machine = np.einsum("nij,nj->ni", servo.R, servo.w)
@@ -113,7 +113,7 @@ def mounting(q: Floats, R_GM: Floats, R_link: Floats) -> Floats:
             (the transpose of the source's R_T/M), (n, 3, 3).
     """
     each = np.swapaxes(rot.to_matrix(q), 1, 2) @ R_GM @ R_link
-    return rot.nearest_rotation(each.mean(axis=0))
+    return Rotation.from_matrix(each).mean().as_matrix()
 
 
 def _on_servo_clock(
@@ -231,7 +231,7 @@ def methods(sensors: Sequence[Sensor], gyro_cutoff: float = 140.0) -> tuple[Meth
 
 def _signals(part: SensorRun, gyro_cutoff: float) -> Mapping[str, tuple[Floats, ...]]:
     """Return slow angle, dynamic angle, velocity and acceleration by method."""
-    delay = float(np.sqrt(2.0) / (2.0 * np.pi * gyro_cutoff))
+    delay = group_delay(gyro_cutoff)
     found = baselines(part.piece.run, part.imu, part.found.clock, delay)
     t = part.piece.run.t
     out = {

@@ -15,6 +15,7 @@ import argparse
 import numpy as np
 
 from benchmarks._imu_methods import baselines
+from pinotwin.imu.filters import group_delay
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import bundled_path
 from pinotwin.reconstruction import Vibration, reconstruct_vibration
@@ -67,7 +68,7 @@ def compare(runs: int, seconds: float) -> dict[str, tuple[np.ndarray, np.ndarray
 def _signals(found: Vibration) -> dict[str, np.ndarray]:
     """Return velocity and acceleration by method, shape (imu, run, 2, n)."""
     out: dict[str, list[list[np.ndarray]]] = {}
-    delay = float(np.sqrt(2.0) / (2.0 * np.pi * 140.0))
+    delay = group_delay(140.0)
     for sensor in found.sensors:
         own: dict[str, list[np.ndarray]] = {}
         for part in sensor.runs:

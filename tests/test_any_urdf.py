@@ -104,7 +104,7 @@ def test_base_parameters_give_the_efforts(name: str) -> None:
     w = machine.base.regressor(machine.model, q, v, a)
     found = w @ machine.base.from_standard(parameters(machine.model))
     np.testing.assert_allclose(found, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
-    assert check(machine).findings is not None
+    assert check(machine).ok
 
 
 @needs_robots

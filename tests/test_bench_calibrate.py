@@ -82,7 +82,7 @@ def test_every_derived_rule_is_in_force():
     for name, (value, largest, count) in rules.DERIVED.items():
         assert getattr(RULES, name) == value
         assert count > 20
-        assert largest >= 0.0
+        assert 0.0 <= largest <= value
 
 
 @pytest.mark.parametrize("situation", ["structure", "change"])

@@ -88,13 +88,13 @@ def test_links_and_pictures_exist(page):
 def test_yaml_examples_have_known_keys():
     from pinotwin.machine.loading import AXIS_KEYS, KEYS
 
-    for page in PAGES:
-        for text in blocks(page, "yaml"):
-            spec = yaml.safe_load(text)
-            if "axes" in spec:
-                assert set(spec) <= set(KEYS), page.name
-                for axis in spec["axes"].values():
-                    assert set(axis) <= set(AXIS_KEYS), page.name
+    specs = [(page.name, yaml.safe_load(text)) for page in PAGES for text in blocks(page, "yaml")]
+    whole = [(page, spec) for page, spec in specs if "axes" in spec]
+    assert whole
+    for page, spec in whole:
+        assert set(spec) <= set(KEYS), page
+        for axis in spec["axes"].values():
+            assert set(axis) <= set(AXIS_KEYS), page
 
 
 def test_effects_page_is_what_the_effects_say():

@@ -38,6 +38,7 @@ def test_a_push_is_seen_with_size_and_time(pushed: tuple[pt.Twin, pt.Log, pt.Log
 def test_the_interval_holds_zero_where_nothing_pushes(pushed: tuple[pt.Twin, pt.Log, pt.Log]) -> None:
     found = force(pushed[0], pushed[1])
     assert found.beyond()[found.names.index("Y")] < 0.3
+    assert 0.03 < found.beyond()[found.names.index("C")] < 0.3  # 90 % intervals that are not merely wide
 
 
 def test_the_command_writes_every_axis(pushed: tuple[pt.Twin, pt.Log, pt.Log], tmp_path: Path) -> None:

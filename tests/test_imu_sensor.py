@@ -89,4 +89,10 @@ def test_rest_is_found_where_the_rig_rests_and_nowhere_else() -> None:
     assert np.abs(offset).max() < 0.01 * DEG
     busy = slice(600, 3600)
     assert not rest(reading.gyr[busy], reading.acc[busy], 400.0)[200:-200].all()
+    shaking = np.arange(800) > 400  # about a mean of zero
+    noise = 1e-3 * np.random.default_rng(2).normal(size=(800, 3))
+    shaken = noise + 0.01 * (shaking * np.sin(np.arange(800) * 2 * np.pi / 20))[:, None]
+    still = rest(shaken, noise + np.array([0.0, 0.0, 9.81]), 400.0)
+    assert still[:400].all()
+    assert not still[430:].any()
     np.testing.assert_allclose(white_level(np.random.default_rng(0).normal(size=(9999, 1))), 1, 0.05)

@@ -7,7 +7,7 @@ import math
 import control
 import numpy as np
 import pytest
-from scipy import signal
+from scipy import signal, stats
 
 from pinotwin.errors import DataError, TwinError
 from pinotwin.loop import LoopData, LoopModel, Section, Structure, command_rates, identify_loop
@@ -279,7 +279,11 @@ def test_misfit_is_that_of_the_full_length_problem():
 
 
 def test_intervals_cover_the_truth():
-    """Over 40 noise draws, white and coloured, poles scatter as stated and 95 % intervals hold them."""
+    """Over 40 noise draws, white and coloured, poles scatter as stated and 95 % intervals hold them.
+
+    Of 240 intervals at 95 % a binomial count is within 216 and 237 in 99.8 % of such tests. A scatter of 40 draws is
+    known to 11 %, so 30 % are 2.7 of its standard errors.
+    """
     truth = cascade()
     log = record(truth, 4, 3.0, straight=True)
     qr, vr, ar, d, y = log
@@ -293,8 +297,9 @@ def test_intervals_cover_the_truth():
         "zeta1": float(-pair.real / abs(pair)),
     }
     start = np.log([expected["p1"] * HERTZ, expected["wn1"] * HERTZ, expected["zeta1"]])
+    hits = []
     for colour in (0.0, 0.9):
-        hits, found = [], []
+        found = []
         rng = np.random.default_rng(11)
         for _ in range(40):
             noise = signal.lfilter(
@@ -304,9 +309,10 @@ def test_intervals_cover_the_truth():
             fit = identify_loop(data, structure, starts=start[None]).fit
             hits += [p.interval[0] <= expected[p.name] <= p.interval[1] for p in fit.parameters]
             found.append([(np.log(p.value), np.log(p.interval[1] / p.interval[0])) for p in fit.parameters])
-        assert np.mean(hits) >= 0.87, colour
         values, widths = np.moveaxis(np.array(found), 2, 0)
         assert widths.mean(axis=0) / 3.92 == pytest.approx(values.std(axis=0), rel=0.3), colour
+    low, high = stats.binom.interval(0.998, len(hits), 0.95)
+    assert low <= np.sum(hits) <= high
 
 
 def test_numerator_errors_match_the_scatter():

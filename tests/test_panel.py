@@ -72,7 +72,9 @@ def test_the_tree_in_the_page_is_the_machines(folder):
 
 def test_sliders_keep_to_the_limits(folder):
     model = pt.Machine.load("trunnion").model
-    for axis in data(page_of(folder, "trunnion"))["axes"]:
+    axes = data(page_of(folder, "trunnion"))["axes"]
+    assert len(axes) == 3
+    for axis in axes:
         assert axis["low"] == model.lowerPositionLimit[axis["column"]]
         assert axis["high"] == model.upperPositionLimit[axis["column"]]
         assert axis["limited"]

@@ -184,7 +184,9 @@ def test_odrive_maps_load_with_one_name_for_every_file(data_dir: Path) -> None:
 
 
 def test_broad(data_dir: Path) -> None:
-    for path in sorted((data_dir / "broad_imu").glob("*.mat")):
+    paths = sorted((data_dir / "broad_imu").glob("*.mat"))
+    assert paths
+    for path in paths:
         log = load(BROAD, path)
         still = np.linalg.norm(np.stack([log[f"a{k}"][:500] for k in "xyz"]), axis=0)
         assert np.median(still) == pytest.approx(9.81, abs=0.1)

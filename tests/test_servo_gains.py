@@ -72,6 +72,7 @@ def test_a_law_without_an_integral_has_none_when_it_is_named(gains: dict[str, fl
 @given(GAINS, st.floats(0.1, 0.9))
 def test_no_name_of_a_cascade_has_a_negative_gain(gains: dict[str, float], weight: float) -> None:
     servo = Servo.of_cascade(**gains, weight=weight)
+    assert servo.cascades()
     for f in servo.cascades():
         assert min(f["kp"], f["kv"], f["rate"]) >= 0.0
 

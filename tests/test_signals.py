@@ -18,6 +18,7 @@ from pinotwin.signals import (
     differentiate,
     edge_samples,
     interior,
+    lagrange_error,
     low_pass,
     segments,
     spectra,
@@ -269,3 +270,10 @@ def test_few_lags_are_those_of_many() -> None:
     x = np.cumsum(np.random.default_rng(1).normal(size=5000))
     few = spectra.autocorrelation(x, 8)
     np.testing.assert_allclose(few, spectra.autocorrelation(x, 100)[: len(few)], atol=1e-12)
+
+
+def test_the_cubic_through_its_neighbours_misses_a_fourth_power_by_its_known_error() -> None:
+    t = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 30))
+    found = lagrange_error(t, np.stack([t**3 - 2 * t, t**4], axis=1))
+    product = np.prod([t[2:-2] - t[k : 26 + k] for k in (0, 1, 3, 4)], axis=0)
+    np.testing.assert_allclose(found, np.stack([0 * product, product], axis=1), atol=1e-6)

@@ -172,7 +172,9 @@ def test_a_slower_channel_of_twincat_is_left_out_and_a_faster_one_interpolated(
 
 
 def test_real_exports_of_twincat_scope(data_dir: Path) -> None:
-    for path in sorted((data_dir / "twincat_scope").glob("*.csv")):
+    paths = sorted((data_dir / "twincat_scope").glob("*.csv"))
+    assert paths
+    for path in paths:
         log = read(path)
         assert len(log) == 376
         np.testing.assert_array_equal(log.t, np.arange(376.0))

@@ -18,7 +18,9 @@ from pinotwin.log import Log
 from pinotwin.logs.files import read
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, with_vibration
+from pinotwin.reconstruction.combine import at_stamps
 from pinotwin.reconstruction.document import document
+from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import bound, pieces
 from pinotwin.virtual import VirtualMachine
@@ -180,6 +182,24 @@ def test_runs_that_start_late_are_aligned_and_others_refused() -> None:
     assert rms((found.motion.v - true[1])[known]) < 0.05 * DEG
     with pytest.raises(DataError, match="is not a repeat of"):
         reconstruct_vibration(machine, [log, recorded(3, 4)[0]], [imu, recorded(3, 4)[1]], settings=QUICK)
+
+
+def test_a_command_that_differs_by_a_few_percent_is_no_repeat() -> None:
+    machine, _ = rig()
+    log = recorded(1)[0]
+    wave = np.std(log["Y.qr"]) * np.sin(7.0 * log.t)
+    alike, apart = (log.with_channels({**log.channels, "Y.qr": log["Y.qr"] + s * wave}) for s in (0.005, 0.1))
+    assert delay(machine, log, alike) == pytest.approx(0.0, abs=1e-3)
+    with pytest.raises(DataError, match=r"differ by \d% of the motion"):
+        delay(machine, log, apart)
+
+
+def test_a_spline_bridges_short_holes_alone() -> None:
+    t = 0.01 * np.arange(100)
+    kept = np.delete(np.arange(100), [40, 41, 42, 70])
+    found = at_stamps(t, t[kept], np.sin(5.0 * t[kept]), bridged=2.5)
+    assert np.flatnonzero(np.isnan(found)).tolist() == [40, 41, 42]
+    np.testing.assert_allclose(found[70], np.sin(5.0 * t[70]), atol=1e-6)
 
 
 def test_a_log_that_does_not_rotate_is_a_clear_failure() -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
@@ -73,7 +74,7 @@ def fit_rotation(
     if ratio < spread:
         x, y = _with_gravity(x, y, gravity, spread)
         helped = True
-    R = rot.nearest_rotation(y.T @ x)
+    R = Rotation.align_vectors(y, x)[0].as_matrix()
     turned = x @ R.T
     e = y - turned
     J = rot.skew(turned)  # d y / d e = -[R x]; rows of every sample

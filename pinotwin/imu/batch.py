@@ -15,12 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import mounting_from_rates
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.filters import group_delay
 from pinotwin.imu.latent import remainder
 from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
@@ -99,7 +101,7 @@ def prepare(
     servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit] | None
 ) -> tuple[_Problem, list[ClockFit]]:
     """Return the problem of all runs, linearised at the priors, and the clocks, found here where none are given."""
-    delay = float(np.sqrt(2.0) / (2.0 * np.pi * p.gyro_cutoff))
+    delay = group_delay(p.gyro_cutoff)
     settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
     if clocks is None:
         clocks = [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=True)]
@@ -109,24 +111,19 @@ def prepare(
         m.set_knots(knots)
     R_ST = _first_mounting(servo, models, delay)
     lay = Layout(models[0].fine.load.shape[1], knots)
-    whiteners = [
-        Whitener.from_rest(np.hstack([m.imu.gyr, m.imu.acc])[m.rows], 1.0 / m.interval) for m in models
-    ]
+    whiteners = [Whitener.from_rest(m.read, 1.0 / m.interval) for m in models]
     mean, sd = _priors(p, lay, models)
     problem = _Problem(models, lay, R_ST, mean, sd, whiteners)
     return _tune_mode(problem, p), list(clocks)
 
 
 def _first_mounting(servo: Sequence[ServoRun], models: list[RunModel], delay: float) -> Floats:
-    w, gyr, up, acc = [], [], [], []
+    rows = []
     for s, m in zip(servo, models, strict=True):
-        at = m.base - delay
-        w.append(np.stack([np.interp(at, s.t, c) for c in s.w.T], axis=1))
-        up.append(np.stack([np.interp(at, s.t, c) for c in s.R[:, 2].T], axis=1))
-        gyr.append(m.imu.gyr[m.rows])
-        acc.append(m.imu.acc[m.rows])
-    pair = (np.concatenate(up), np.concatenate(acc))
-    return mounting_from_rates(np.concatenate(w), np.concatenate(gyr), pair).R
+        said = make_interp_spline(s.t, np.hstack([s.w, s.R[:, 2]]), k=1)
+        rows.append(np.hstack([said(m.base - delay), m.read]))
+    w, up, gyr, acc = np.split(np.concatenate(rows), 4, axis=1)
+    return mounting_from_rates(w, gyr, (up, acc)).R
 
 
 def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Floats]:
@@ -135,28 +132,17 @@ def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Flo
     wn = 2.0 * np.pi * p.frequency
     mean[lay["mode"]] = np.log([wn, p.damping])
     load = np.sqrt(np.mean([np.mean(m.fine.load**2, axis=0) for m in models], axis=0))
-    bias = np.full((models[0].knots, 3), p.bias)
     sizes = {
         "mode": [p.log_frequency, p.log_damping],
         "gain": 0.02 * wn**2 / np.maximum(load, 1e-12),
-        "sag": p.sag,
         "turn": 0.1,
-        "cross": p.cross,
-        "asymmetry": p.asymmetry,
-        "cubic": p.cubic,
-        "g_sensitivity": p.g_sensitivity,
-        "accel_matrix": p.accel_matrix,
-        "accel_bias": p.accel_bias,
         "position": p.position_sd,
         "gravity": p.gravity_sd,
-        "accel_delay": p.accel_delay,
         "clock": [2e-3, p.skew],
-        "scale": p.scale,
         "start": [2e-4, 2e-2],
-        "bias": bias.ravel(),
     }
-    for name, size in sizes.items():
-        sd[lay[name]] = size
+    for name, where in lay.at.items():
+        sd[where] = sizes[name] if name in sizes else getattr(p, name)
     mean[lay["position"]], mean[lay["gravity"]] = p.position, p.gravity
     return mean, sd
 
@@ -164,7 +150,7 @@ def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Flo
 def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
     """Return the problem with wn and zeta started at the best of a grid, judged on one run."""
     m, lay = problem.models[0], problem.lay
-    y = m.imu.gyr[m.rows]
+    y = m.read[:, :3]
     at = (m.base - m.fine.t[0]) / m.fine.step
     base = m.gyro_columns(at) @ problem.R_ST.T  # rigid rate, then axis
     u, axis = base[:, 0], base[:, 1]
@@ -247,10 +233,8 @@ def _whitened(
     m: RunModel, theta: Floats, problem: _Problem, whitener: Whitener, sd: Floats
 ) -> tuple[Floats, Floats]:
     """Return whitened residuals (m, 6) and the Jacobian in units of the priors (m, 6, p)."""
-    prediction = m.predict(theta, problem.lay, problem.R_ST)
-    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - prediction.y
-    both = np.concatenate([e[:, :, None], prediction.J * sd], axis=2)
-    both = whitener(both)[8:]  # the filter's own start
+    y, J = m.predict(theta, problem.lay, problem.R_ST)
+    both = whitener(np.concatenate([(m.read - y)[:, :, None], J * sd], axis=2))[8:]  # the filter's own start
     return both[:, :, 0], both[:, :, 1:]
 
 

@@ -30,27 +30,39 @@ from pinotwin.solve.sandwich import sandwich
 
 @dataclass(frozen=True)
 class ClockSegment:
-    """One unbroken stretch of the IMU's clock: rows, and t_ref at the stamp ``pivot``."""
+    """One unbroken stretch of the IMU's clock."""
 
     rows: slice
-    pivot: float
-    at_pivot: float
-    se: float
-    correlation: float
+    pivot: float  # a stamp within it [s]
+    at_pivot: float  # reference time there [s]
+    se: float  # its standard error [s]
+    correlation: float  # of the two rates' magnitudes [-]
 
 
 @dataclass(frozen=True)
 class ClockFit:
     """How the IMU's clock relates to the reference: t_ref = (1 + skew) t_imu + offset."""
 
-    offset: float  # reference time at stamp zero of the longest stretch [s]
     skew: float  # relative rate deviation [-]
-    se_offset: float  # standard error of the offset [s]
     se_skew: float  # standard error of the skew [-]
-    # the stretches that could be placed, in order
-    segments: tuple[ClockSegment, ...] = field(default=(), repr=False)
-    residual: float = 0.0  # RMS of the rate left over [rad/s]
-    size: int = 0  # number of IMU samples
+    segments: tuple[ClockSegment, ...] = field(repr=False)  # the stretches that could be placed, in order
+    residual: float  # RMS of the rate left over [rad/s]
+    size: int  # number of IMU samples
+
+    @property
+    def main(self) -> ClockSegment:
+        """The longest stretch."""
+        return max(self.segments, key=lambda g: g.rows.stop - g.rows.start)
+
+    @property
+    def offset(self) -> float:
+        """Reference time at stamp zero of the longest stretch [s]."""
+        return self.main.at_pivot - (1.0 + self.skew) * self.main.pivot
+
+    @property
+    def se_offset(self) -> float:
+        """Standard error of the offset [s]."""
+        return float(np.hypot(self.main.se, self.main.pivot * self.se_skew))
 
     def to_ref(self, t_imu: Floats) -> Floats:
         """Return reference times of all stamps, (n,); NaN on stretches that could not be placed."""
@@ -123,9 +135,7 @@ def sync(
         ClockSegment(c[0], float(p), float(at), float(e), float(c[2]))
         for c, p, at, e in zip(placed, pivots, x, se, strict=False)
     )
-    main, skew = max(segments, key=lambda g: g.rows.stop - g.rows.start), float(x[-1])
-    offset, se_offset = main.at_pivot - (1.0 + skew) * main.pivot, np.hypot(main.se, main.pivot * se[-1])
-    return ClockFit(offset, skew, float(se_offset), float(se[-1]), segments, residual, len(t_imu))
+    return ClockFit(float(x[-1]), float(se[-1]), segments, residual, len(t_imu))
 
 
 def _checked(

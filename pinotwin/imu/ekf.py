@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
@@ -34,14 +35,6 @@ class EkfSettings:
     bias: float = 0.01  # first gyro bias [rad/s]
     bias_walk: float = 2e-5  # its random walk [rad/s/sqrt(s)]
     g: float = 9.81  # gravity [m/s²]
-
-
-@dataclass(frozen=True)
-class OrientationTrack:
-    """Orientation with bias, shapes (n, ...)."""
-
-    q: Floats  # quaternions, sensor to earth, (n, 4)
-    bias: Floats  # gyro bias [rad/s], (n, 3)
 
 
 @compiled
@@ -145,26 +138,18 @@ def ekf(
     *,
     smooth: bool = False,
     rule: rot.Rule = "mean",
-) -> OrientationTrack:
-    """Return the orientation by the adaptive filter, forward only or smoothed.
+) -> tuple[Floats, Floats]:
+    """Return quaternions (n, 4), sensor to earth, and gyro biases [rad/s], (n, 3), forward only or smoothed.
 
-    Args:
-        gyr: angular rate [rad/s], (n, 3), evenly sampled.
-        acc: specific force [m/s²], (n, 3).
-        rate: sampling rate [Hz].
-        settings: noise levels and gate.
-        smooth: run the smoother over the filter's states.
-        rule: what the gyro's samples are, see :func:`pinotwin.imu.rotation.increments`.
-
-    Raises:
-        DataError: the arrays do not fit each other or are too short.
+    Arguments as of :func:`pinotwin.imu.orientation.orientation`.
     """
     s = EkfSettings() if settings is None else settings
     gyr, acc = np.ascontiguousarray(gyr, dtype=float), np.ascontiguousarray(acc, dtype=float)
     if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3 or len(gyr) < 2:
         raise DataError(f"gyr {gyr.shape} and acc {acc.shape} must both be (n, 3) with n >= 2")
     head = acc[: max(1, round(0.1 * rate))].mean(axis=0)
-    x0 = np.concatenate([rot.quaternion_from_gravity(head), np.zeros(3)])
+    level = Rotation.align_vectors([0.0, 0.0, 1.0], head)[0].as_quat(scalar_first=True)
+    x0 = np.concatenate([level, np.zeros(3)])
     P0 = np.diag(np.repeat([2.5e-3, s.bias**2], [4, 3]))
     noise = np.array([0.5 * s.gyro_noise**2, s.bias_walk**2])
     gate = np.array([s.accel_noise**2, s.gate, s.g, s.hold * rate])
@@ -172,4 +157,4 @@ def ekf(
     xp, Pp, x, P = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
     if smooth:
         x = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
-    return OrientationTrack(x[:, :4], x[:, 4:7])
+    return x[:, :4], x[:, 4:7]

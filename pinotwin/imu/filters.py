@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi, sosfiltfilt
 
@@ -9,23 +11,25 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 
 
+def group_delay(cutoff: float) -> float:
+    """Return by how much :func:`low_pass` delays what is slow [s]; ``cutoff`` [Hz]."""
+    return float(np.sqrt(2.0) / (2.0 * np.pi * cutoff))
+
+
 def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
-    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled.
+    """Return signals (n, k) after a second-order Butterworth low-pass [Hz], inf for none, that starts settled."""
+    return driven(butter(2, 2.0 * np.pi * cutoff, analog=True), x, step) if np.isfinite(cutoff) else x
 
-    Discretised for inputs that are linear between samples: a bilinear map would change the delay.
 
-    Args:
-        x: signals, one a column.
-        cutoff: corner [Hz], inf for none.
-        step: sampling interval [s].
+def driven(system: tuple[Sequence[float], Sequence[float]], x: Floats, step: float) -> Floats:
+    """Return what a system in s, numerator and denominator, makes of signals (n, k), settled at the start.
+
+    Discretised for inputs that are linear between samples ``step`` [s] apart: a bilinear map would change the delay.
     """
-    if not np.isfinite(cutoff):
-        return x
-    analog = butter(2, 2.0 * np.pi * cutoff, analog=True)
-    b, a, _ = cont2discrete(analog, step, method="foh")
+    b, a, _ = cont2discrete(system, step, method="foh")
     b = b.ravel()
     y, _ = lfilter(b, a, x, axis=0, zi=lfilter_zi(b, a)[:, None] * x[:1])
-    return y
+    return np.asarray(y)
 
 
 def high_passed(t: Floats, angle: Floats, corner: float) -> Floats:

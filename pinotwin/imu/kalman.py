@@ -18,15 +18,6 @@ from pinotwin.system.kernels import compiled
 
 
 @dataclass(frozen=True)
-class Smoothed:
-    """Smoothed states of a linear model."""
-
-    x: Floats  # states, shape (n, d)
-    P: Floats  # their covariances, shape (n, d, d)
-    log_likelihood: float  # of the measurements under the model
-
-
-@dataclass(frozen=True)
 class LinearModel:
     """The matrices of the module's equations; a leading length of 1 means constant."""
 
@@ -37,11 +28,10 @@ class LinearModel:
     x0: Floats  # first state, (d,)
     P0: Floats  # its covariance, (d, d)
 
-    def smooth(self, z: Floats, variance: Floats) -> Smoothed:
-        """Return the smoothed states for measurements (n, m) with variances (n, m)."""
-        *filtered, likelihood = self._filtered(z, variance)
-        x, P = _backward(np.ascontiguousarray(self.F, dtype=float), *filtered)
-        return Smoothed(x, P, float(likelihood))
+    def smooth(self, z: Floats, variance: Floats) -> tuple[Floats, Floats]:
+        """Return smoothed states (n, d) and covariances (n, d, d) for measurements (n, m) with variances (n, m)."""
+        x, P = _backward(np.ascontiguousarray(self.F, dtype=float), *self._filtered(z, variance)[:4])
+        return x, P
 
     def log_likelihood(self, z: Floats, variance: Floats) -> float:
         """Return the log-likelihood of measurements alone (one forward pass)."""

@@ -45,11 +45,11 @@ def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: W
     sizes = wn**2 * np.geomspace(1e-8, 3e-4, 11)
     scores = [_model(len(t), m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
     best = float(sizes[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))])
-    fit = _model(len(t), m.interval, wn, zeta, best, C).smooth(z, r)
+    x, P = _model(len(t), m.interval, wn, zeta, best, C).smooth(z, r)
     out = np.zeros((3, 4))
     out[0, 0], out[1, 1], out[2, :3] = 1.0, 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0]
-    var = np.einsum("ai,nij,aj->na", out, fit.P, out)
-    return Remainder(t, fit.x @ out.T, np.sqrt(np.maximum(var, 0.0)), best, seen_t, seen_rate)
+    var = np.einsum("ai,nij,aj->na", out, P, out)
+    return Remainder(t, x @ out.T, np.sqrt(np.maximum(var, 0.0)), best, seen_t, seen_rate)
 
 
 def _observations(
@@ -57,7 +57,7 @@ def _observations(
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Return times, gyro residuals in the link frame, their projections, rows and variances."""
     wn, zeta = np.exp(theta[lay["mode"]])
-    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - m.predict(theta, lay, R_ST).y
+    e = m.read - m.predict(theta, lay, R_ST)[0]
     variance = _variance(whitener)
     R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
     clock = theta[lay["clock"]]

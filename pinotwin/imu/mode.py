@@ -2,8 +2,7 @@
 
     x'' + 2 zeta wn x' + wn² x = load            first-order hold of the load over every step
 
-The state of the discrete system follows by the matrix exponential; the derivatives in wn and zeta
-are responses of the same mode, driven by -2 zeta x' - 2 wn x and by -2 wn x'.
+The derivatives in wn and zeta are responses of the same mode, driven by -2 zeta x' - 2 wn x and by -2 wn x'.
 """
 
 from __future__ import annotations
@@ -11,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from pinotwin.arrays import Floats
-from pinotwin.system.kernels import compiled
+from pinotwin.imu.filters import driven
 
 
 @dataclass(frozen=True)
@@ -27,23 +25,14 @@ class Response:
 
 
 def respond(load: Floats, step: float, wn: float, zeta: float, *, rest: bool = True) -> Response:
-    """Return the response to load columns (n, k) [1/s² of x], from equilibrium or from zero.
+    """Return the response to load columns (n, k) [1/s² of x], ``step`` [s] apart; ``wn`` in [rad/s].
 
-    Args:
-        load: driving acceleration, first-order hold.
-        step: sampling interval [s].
-        wn: undamped natural frequency [rad/s].
-        zeta: damping ratio.
-        rest: begin at equilibrium under the first load; else at zero.
+    It begins at equilibrium under the first load or, without ``rest``, at zero.
     """
-    A = np.array([[0.0, 1.0], [-(wn**2), -2.0 * zeta * wn]])
-    big = np.zeros((4, 4))
-    big[:2, :2], big[1, 2], big[2, 3] = A * step, step, 1.0
-    E = expm(big)
-    Phi, G1 = E[:2, :2], E[:2, 3]
-    G0 = E[:2, 2] - G1
-    start = load[0] / wn**2 if rest else np.zeros(load.shape[1])
-    x, v = _run(np.ascontiguousarray(load), Phi, G0, G1, start)
+    x, v = (driven((top, [1.0, 2.0 * zeta * wn, wn**2]), load, step) for top in ([1.0], [1.0, 0.0]))
+    if not rest:
+        free, start = decay(len(load), step, wn, zeta), load[0] / wn**2
+        x, v = x - free.x[:, :1] * start, v - free.v[:, :1] * start
     return Response(x, v, load - 2.0 * zeta * wn * v - wn**2 * x)
 
 
@@ -55,20 +44,3 @@ def decay(n: int, step: float, wn: float, zeta: float) -> Response:
     x = np.stack([envelope * (c + zeta * wn / wd * s), envelope * s / wd], axis=1)
     v = np.stack([-envelope * wn**2 / wd * s, envelope * (c - zeta * wn / wd * s)], axis=1)
     return Response(x, v, -2.0 * zeta * wn * v - wn**2 * x)
-
-
-@compiled
-def _run(load, Phi, G0, G1, start):  # type: ignore[no-untyped-def]
-    n, k = load.shape
-    x, v = np.empty((n, k)), np.empty((n, k))
-    for j in range(k):
-        p, r = start[j], 0.0
-        x[0, j], v[0, j] = p, r
-        for i in range(n - 1):
-            a, b = load[i, j], load[i + 1, j]
-            p, r = (
-                Phi[0, 0] * p + Phi[0, 1] * r + G0[0] * a + G1[0] * b,
-                Phi[1, 0] * p + Phi[1, 1] * r + G0[1] * a + G1[1] * b,
-            )
-            x[i + 1, j], v[i + 1, j] = p, r
-    return x, v

@@ -14,17 +14,12 @@ def white_level(x: Floats) -> Floats:
 
 
 def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:
-    """Return where the sensor rests, shape (n,).
+    """Return where a sensor rests, (n,), by rates [rad/s] and forces [m/s²], (n, 3) each, at ``rate`` [Hz].
 
     A window of 0.3 s rests when the standard deviations of rate and force in it are within twice those of
     the quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest
     windows count only if their readings scatter like noise and not like motion (von Neumann's
     ratio of successive differences) about a rate that can be a bias; else the mask is empty.
-
-    Args:
-        gyr: angular rate [rad/s], (n, 3).
-        acc: specific force [m/s²], (n, 3).
-        rate: sampling rate [Hz].
     """
     m = max(8, round(0.3 * rate))
     if len(gyr) < 2 * m:
@@ -40,10 +35,7 @@ def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:
         return np.zeros(len(gyr), dtype=bool)
     near = np.linalg.norm(mg - bias, axis=1) < max(6.0 * level_g / np.sqrt(m), 5e-4)
     still = (sg <= 2.0 * level_g) & (sa <= 2.0 * level_a) & near
-    cover = np.zeros(len(gyr) + 1)
-    np.add.at(cover, np.flatnonzero(still), 1)
-    np.add.at(cover, np.flatnonzero(still) + m, -1)
-    return np.cumsum(cover)[:-1] > 0
+    return np.convolve(still, np.ones(m)) > 0
 
 
 def _window_std(x: Floats, m: int) -> tuple[Floats, Floats]:

@@ -26,7 +26,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.ekf import ekf
-from pinotwin.imu.kalman import LinearModel, Smoothed
+from pinotwin.imu.kalman import LinearModel
 
 _E, _V, _P, _B, _K, _A, _G = (
     slice(*x) for x in pairwise((0, 3, 6, 9, 12, 21, 24, 25))
@@ -75,12 +75,8 @@ def offline_orientation(
 ) -> Floats:
     """Return quaternions (n, 4), sensor to earth, heading as at the start.
 
-    Args:
-        gyr: angular rate [rad/s], (n, 3), evenly sampled.
-        acc: specific force [m/s²], (n, 3).
-        rate: sampling rate [Hz].
-        bounds: priors; the defaults suit hand-held and machine-mounted sensors.
-        rule: what the samples are, see :func:`pinotwin.imu.rotation.increments`.
+    Arguments as of :func:`pinotwin.imu.orientation.orientation`; the default bounds suit hand-held and
+    machine-mounted sensors.
     """
     b = Bounds() if bounds is None else bounds
     m = max(1, round(b.block * rate))
@@ -89,17 +85,17 @@ def offline_orientation(
     pad = -(len(gyr) - 1) % m  # whole blocks: repeat the last sample
     n = len(gyr)
     gyr, acc = (np.concatenate([x, np.repeat(x[-1:], pad, axis=0)]) for x in (gyr, acc))
-    first = ekf(gyr, acc, rate, smooth=True, rule=rule)
+    q, bias = ekf(gyr, acc, rate, smooth=True, rule=rule)
     turn = rot.increments(gyr, 1.0 / rate, rule)
     force = 0.5 * (acc[1:] + acc[:-1])
-    nominal = _Nominal(first.q, first.bias, np.zeros((3, 3)), np.zeros(3), b.g)
+    nominal = _Nominal(q, bias, np.zeros((3, 3)), np.zeros(3), b.g)
     for _ in range(b.iterations):
         nominal = _correct(nominal, _smooth(turn, force, rate, nominal, b, m), m)
     return nominal.q[:n]
 
 
-def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m: int) -> Smoothed:
-    """Return the smoothed deviations from the nominal solution at the block boundaries.
+def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m: int) -> Floats:
+    """Return the smoothed deviations from the nominal solution at the block boundaries, (k, 25).
 
     ``turn`` and ``acc`` belong to the steps between samples: rotation vectors and mean force.
     """
@@ -121,7 +117,7 @@ def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m:
     x0[_B], x0[_K], x0[_A] = -nom.bias[0], -nom.K.ravel(), -nom.accel_bias
     x0[_G] = b.g - nom.g
     model = LinearModel(F, u, Q, H, x0, np.diag(sd**2))
-    return model.smooth(np.zeros((n + 1, 6)), np.broadcast_to(variance, (n + 1, 6)))
+    return model.smooth(np.zeros((n + 1, 6)), np.broadcast_to(variance, (n + 1, 6)))[0]
 
 
 def _transitions(gyr: Floats, acc: Floats, rate: float, nom: _Nominal, m: int) -> tuple[Floats, Floats]:
@@ -157,12 +153,12 @@ def _mismatch(turn: Floats, rate: float, nom: _Nominal, m: int) -> Floats:
     return rot.log(rot.multiply(ends[:-1], rot.conjugate(ends[1:])))
 
 
-def _correct(nom: _Nominal, s: Smoothed, m: int) -> _Nominal:
+def _correct(nom: _Nominal, x: Floats, m: int) -> _Nominal:
     """Return the nominal solution with the smoothed deviations added."""
-    at, k = np.arange(len(s.x)) * m, np.arange(len(nom.q))
-    e = CubicSpline(at, s.x[:, _E])(k)
-    bias = nom.bias + CubicSpline(at, s.x[:, _B])(k)
-    last = s.x[-1]
+    at, k = np.arange(len(x)) * m, np.arange(len(nom.q))
+    e = CubicSpline(at, x[:, _E])(k)
+    bias = nom.bias + CubicSpline(at, x[:, _B])(k)
+    last = x[-1]
     return _Nominal(
         rot.multiply(rot.exp(e), nom.q),
         bias,

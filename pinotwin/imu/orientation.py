@@ -42,7 +42,7 @@ def orientation(
     if method == "offline":
         return offline_orientation(gyr, acc, rate, rule=rule)
     if method in ("ekf", "smoother"):
-        return ekf(gyr, acc, rate, smooth=method == "smoother", rule=rule).q
+        return ekf(gyr, acc, rate, smooth=method == "smoother", rule=rule)[0]
     if method == "vqf":
         from vqf import offlineVQF
 

@@ -15,13 +15,11 @@ names the columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.filters import low_pass
+from pinotwin.imu.filters import group_delay, low_pass
 from pinotwin.imu.mode import Response, decay, respond
 from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
 from pinotwin.signals import hats
@@ -46,31 +44,22 @@ class Layout:
         return self.at[name]
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Readings (m, 6), gyro then accelerometer, and their Jacobian (m, 6, p)."""
-
-    y: Floats
-    J: Floats
-
-
 class RunModel:
     """One run, prepared: filtered rigid motion, stamps, bias knots."""
 
     def __init__(self, servo: ServoRun, imu: ImuRun, priors: Priors, start: Floats) -> None:
         """Prepare; ``start`` holds t_ref of every stamp, (m,), NaN where unknown."""
-        self.imu, self.priors = imu, priors
+        self.priors = priors
         self.fine = f = FineRun(servo)
         margin = 0.02
         inside = np.isfinite(start) & (start > f.t[0] + margin) & (start < f.t[-1] - margin)
-        self.rows = np.flatnonzero(inside)
-        self.base = start[self.rows]
+        self.read = np.hstack([imu.gyr, imu.acc])[inside]  # (m, 6)
+        self.base = start[inside]
         self.pivot = float(np.mean(self.base))
         self.centred = self.base - self.pivot
-        self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
-        self.hat = hats(self.base, self.base[0], self.base[-1], self.knots)
+        self.set_knots(max(2, 1 + round(np.ptp(self.base) / priors.knots)))
         self.interval = float(np.median(np.diff(self.base)))
-        self.delay = float(np.sqrt(2.0) / (2.0 * np.pi * priors.gyro_cutoff))
+        self.delay = group_delay(priors.gyro_cutoff)
         up = np.einsum("nji->nij", f.R)
         S, W = rot.skew(f.w_dot), rot.skew(f.w)
         rigid = np.concatenate([f.a, up.reshape(-1, 9), (S + W @ W).reshape(-1, 9)], axis=1)
@@ -84,7 +73,7 @@ class RunModel:
         self.w_max = float(np.max(np.abs(f.w)))
 
     def set_knots(self, knots: int) -> None:
-        """Use so many bias knots (all runs of a fit have as many)."""
+        """Use so many knots of the bias: all runs of a fit have as many."""
         self.knots = knots
         self.hat = hats(self.base, self.base[0], self.base[-1], knots)
 
@@ -103,17 +92,15 @@ class RunModel:
         return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
 
     def readings(self, delta: Floats, R_ST: Floats, p: Floats) -> tuple[Floats, Floats]:
-        """Return ideal gyro and accelerometer readings, (m, 3) each, for a given deflection.
+        """Return ideal readings of gyro and accelerometer, (m, 3) each, at a place p in the link frame [m].
 
-        Args:
-            delta: deflection, rate, acceleration on the fine clock, (n, 3).
-            R_ST: mounting, link to sensor.
-            p: place of the sensor in the link frame [m].
+        ``delta`` holds deflection, rate and acceleration on the fine clock, (n, 3).
         """
         at = (self.base - self.fine.t[0]) / self.fine.step
         rigid = self.gyro_columns(at)
         gyr = rigid[:, 0] + rigid[:, 1] * self.seen(delta[:, 1:2], at)
-        f, _, _ = self._force(delta, self.priors.gravity, p, at)
+        d, slope = interpolate(low_pass(delta, self.priors.accel_cutoff, self.fine.step), at)
+        f, _, _ = self._force(d, slope, self.priors.gravity, p, at)
         return gyr @ R_ST.T, f @ R_ST.T
 
     def columns(self, theta: Floats, lay: Layout) -> Response:
@@ -137,35 +124,32 @@ class RunModel:
         # s.a is the whole derivative of a: drive minus the mode's own
         return Response(*(np.concatenate(p, axis=1) for p in parts))
 
-    def combine(self, columns: Response, theta: Floats, lay: Layout) -> Floats:
-        """Return delta, delta', delta'' (n, 3) on the fine clock."""
-        weights = np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]], theta[lay["start"]]])
-        return np.stack([c @ weights for c in (columns.x, columns.v, columns.a)], axis=1)
+    def weights(self, theta: Floats, lay: Layout) -> Floats:
+        """Return the weights (k,) with which the columns add up to delta, delta' and delta''."""
+        return np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]], theta[lay["start"]]])
 
-    def predict(self, theta: Floats, lay: Layout, R_ST: Floats) -> Prediction:
-        """Return the readings and the Jacobian; ``R_ST`` is turned by the parameter "turn"."""
+    def predict(self, theta: Floats, lay: Layout, R_ST: Floats) -> tuple[Floats, Floats]:
+        """Return readings (m, 6), gyro then accelerometer, and Jacobian (m, 6, p); "turn" turns ``R_ST``."""
         columns = self.columns(theta, lay)
         R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
         clock = theta[lay["clock"]]
         at = (self.base + clock[0] + clock[1] * self.centred - self.fine.t[0]) / self.fine.step
-        J = np.zeros((len(self.rows), 6, lay.size))
-        y = np.empty((len(self.rows), 6))
+        J = np.zeros((len(self.base), 6, lay.size))
+        y = np.empty((len(self.base), 6))
         f_s, J_f = self._accel(theta, lay, R, columns, at)
         y[:, :3], J[:, :3] = self._gyro(theta, lay, R, columns, at, f_s)
         y[:, 3:], J[:, 3:] = self._accel_output(theta, lay, f_s, J_f)
         J[:, :, lay["clock"]][..., 1] = J[:, :, lay["clock"]][..., 0] * self.centred[:, None]
-        return Prediction(y, J)
+        return y, J
 
     def _gyro(
         self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats, f_s: Floats
     ) -> tuple[Floats, Floats]:
-        cutoff, step, m = self.priors.gyro_cutoff, self.fine.step, len(at)
-        delta = self.combine(c, theta, lay)
-        cols, _ = interpolate(low_pass(c.v, cutoff, step), at)
-        v, v_slope = interpolate(low_pass(delta[:, 1:2], cutoff, step), at)
+        step, m, weights = self.fine.step, len(at), self.weights(theta, lay)[:, None]
+        cols, slopes = interpolate(low_pass(c.v, self.priors.gyro_cutoff, step), at)
+        v, v_slope = cols @ weights, slopes @ weights
         w, w_slope = interpolate(self.w, at)
-        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
-        axis = interpolate(self.fine.axis, at - lag)[0] @ R.T
+        axis = interpolate(self.fine.axis, at - self.delay / step)[0] @ R.T
         u = w @ R.T + axis * v
         N = np.zeros((3, 3))
         for k, (i, j) in enumerate(_PAIRS):
@@ -195,34 +179,33 @@ class RunModel:
         step, m, n = self.fine.step, len(at), c.x.shape[1]
         at = at - theta[lay["accel_delay"]] / step
         g, p = theta[lay["gravity"]], theta[lay["position"]]
-        delta = self.combine(c, theta, lay)
-        f, moved, T = self._force(delta, g, p, at)
-        stacked = np.concatenate([c.x, c.v, c.a], axis=1)
-        cols, _ = interpolate(low_pass(stacked, self.priors.accel_cutoff, step), at)
-        rigid, _ = interpolate(self.rigid, at)
-        d = low_pass(delta[:, 2:], self.priors.accel_cutoff, step)
-        axis = interpolate(self.fine.axis, at)[0]
+        stacked = low_pass(np.concatenate([c.x, c.v, c.a], axis=1), self.priors.accel_cutoff, step)
+        cols, slopes = (x.reshape(m, 3, n) for x in interpolate(stacked, at))
+        weights = self.weights(theta, lay)
+        d = cols @ weights
+        f, moved, T = self._force(d, slopes @ weights, g, p, at)
+        rigid, axis = interpolate(self.rigid, at)[0], interpolate(self.fine.axis, at)[0]
         J = np.zeros((m, 3, lay.size))
-        J[:, :, self.places(lay)] = T @ cols.reshape(m, 3, n)
+        J[:, :, self.places(lay)] = T @ cols
         J[:, :, lay["gravity"]] = -rigid[:, 3:12].reshape(m, 3, 3)
-        J[:, :, lay["position"]] = rigid[:, 12:].reshape(m, 3, 3)
-        J[:, :, lay["position"]] += interpolate(d, at)[0][:, :, None] * rot.skew(axis)
+        J[:, :, lay["position"]] = rigid[:, 12:].reshape(m, 3, 3) + d[:, 2, None, None] * rot.skew(axis)
         J[:, :, lay["clock"].start] = moved
         J[:, :, lay["accel_delay"].start] = -moved
         f, J = f @ R.T, R @ J
         J[:, :, lay["turn"]] = -rot.skew(f)
         return f, J
 
-    def _force(self, delta: Floats, g: Floats, p: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the specific force in the link frame (m, 3), its slope [1/s], df/d(delta)."""
-        cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
+    def _force(
+        self, d: Floats, d_slope: Floats, g: Floats, p: Floats, at: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the specific force in the link frame (m, 3), its slope [1/s], df/d(delta), for seen deflections."""
+        step, m = self.fine.step, len(at)
         rigid, slope = interpolate(self.rigid, at)
-        d, d_slope = interpolate(low_pass(delta, cutoff, step), at)
 
         def still(x: Floats) -> Floats:
             return x[:, :3] - x[:, 3:12].reshape(m, 3, 3) @ g + x[:, 12:].reshape(m, 3, 3) @ p
 
-        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
+        lag = group_delay(self.priors.accel_cutoff) / step
         places = (self.fine.axis, self.fine.arm, self.fine.w)
         axis, arm, w = (interpolate(x, at - lag)[0] for x in places)
         force = still(rigid)

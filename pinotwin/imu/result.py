@@ -115,14 +115,13 @@ def run_result(
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
     columns = m.columns(theta, lay)
-    delta = m.combine(columns, theta, lay)
     extra, extra_sd = _on_clock(t, left)
     places = m.places(lay)
     C = cov[np.ix_(places, places)]
     x, v, a = (c[rows] for c in (columns.x, columns.v, columns.a))
+    y = np.stack([c @ m.weights(theta, lay) for c in (x, v, a)], axis=1) + extra
     fast = high_passed(t, x, CORNER)
     slow = x - x.mean(axis=0) - fast
-    y = delta[rows] + extra
     slow_angle = y[:, 0] - np.mean(y[:, 0]) - high_passed(t, y[:, 0], CORNER)
 
     def sd(J: Floats, k: int) -> Floats:
@@ -190,16 +189,7 @@ def _refined(m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockF
         d = s.at_pivot - m.pivot
         se = float(np.sqrt(max(C[0, 0] + 2 * d * C[0, 1] + d**2 * C[1, 1], 0.0)))
         segments.append(replace(s, at_pivot=at, se=float(np.hypot(se, p.gyro_delay_sd))))
-    main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
-    se_skew = float(np.sqrt(C[1, 1]))
-    return replace(
-        clock,
-        offset=main.at_pivot - (1.0 + skew) * main.pivot,
-        skew=skew,
-        se_skew=se_skew,
-        se_offset=float(np.hypot(main.se, main.pivot * se_skew)),
-        segments=tuple(segments),
-    )
+    return replace(clock, skew=skew, se_skew=float(np.sqrt(C[1, 1])), segments=tuple(segments))
 
 
 def predict_readings(

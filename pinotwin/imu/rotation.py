@@ -32,14 +32,8 @@ def to_matrix(q: Floats) -> Floats:
     return Rotation.from_quat(np.asarray(q, dtype=float), scalar_first=True).as_matrix()
 
 
-def from_matrix(R: Floats) -> Floats:
-    """Return the quaternions of rotation matrices, shape (..., 3, 3) -> (..., 4), w >= 0."""
-    rotation = Rotation.from_matrix(np.asarray(R, dtype=float))
-    return rotation.as_quat(canonical=True, scalar_first=True)
-
-
 def multiply(p: Floats, q: Floats) -> Floats:
-    """Return the product p q (q is applied first), shapes (..., 4) broadcast."""
+    """Return the product p q (q is applied first), shapes (..., 4) broadcast; NaN where one is, unlike scipy's."""
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
     w = p[..., 0] * q[..., 0] - np.sum(p[..., 1:] * q[..., 1:], axis=-1)
     v = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
@@ -74,16 +68,6 @@ def skew(v: Floats) -> Floats:
     return S - np.swapaxes(S, -1, -2)
 
 
-def nearest_rotation(M: Floats) -> Floats:
-    """Return the proper rotation nearest to a 3x3 matrix.
-
-    The determinant correction of Kabsch (1976, DOI 10.1107/S0567739476001873), which Eq. 6.19 and
-    6.25 of the thesis leave out: without it the answer can be a reflection.
-    """
-    U, _, Vt = np.linalg.svd(M)
-    return (U * np.array([1.0, 1.0, np.linalg.det(U @ Vt)])) @ Vt
-
-
 def inclination_error(q: Floats, reference: Floats) -> Floats:
     """Return the angle between the two verticals [rad], shape (n,); heading does not enter.
 
@@ -92,15 +76,6 @@ def inclination_error(q: Floats, reference: Floats) -> Floats:
     """
     d = multiply(q, conjugate(reference))
     return 2.0 * np.arccos(np.clip(np.hypot(d[..., 0], d[..., 3]), 0.0, 1.0))
-
-
-def quaternion_from_gravity(force: Floats) -> Floats:
-    """Return the quaternion (4,) with the least turn for which a specific force (3,) points up."""
-    up = np.asarray(force, dtype=float) / np.linalg.norm(force)
-    q = np.array([1.0 + up[2], up[1], -up[0], 0.0])
-    if np.linalg.norm(q) < 1e-8:  # upside down: any horizontal axis will do
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    return q / np.linalg.norm(q)
 
 
 def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floats:

@@ -9,7 +9,6 @@ between the runs the weights are 1 / (s_r² + scatter²); the scatter follows by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,24 +20,10 @@ from pinotwin.reconstruction.result import Motion3, Sensor
 _KINDS = (("angle", "sd_angle"), ("velocity", "sd_velocity"), ("acceleration", "sd_acceleration"))
 
 
-@dataclass(frozen=True)
-class Combined:
-    """A mean over runs."""
+def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Return the mean of runs on one clock, (n, ...) each, weighted by their standard deviations (broadcast).
 
-    mean: Floats  # (n, ...)
-    sd: Floats  # standard deviation of the mean, same shape
-    spread: Floats  # standard deviation between runs (one number per channel): the noise ceiling
-
-
-def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> Combined:
-    """Return the mean weighted by information.
-
-    Args:
-        runs: estimates of each run on one clock, (n, ...).
-        sd: their standard deviations, (n, ...) or anything that broadcasts to it.
-
-    Raises:
-        DataError: fewer than two runs, shapes that differ, or a standard deviation of zero.
+    Also its own standard deviation, (n, ...), and that between runs, one number per channel: the noise ceiling.
     """
     if len(runs) < 2 or len({np.shape(r) for r in runs}) != 1:
         raise DataError("averaging needs at least two runs of one length, on one clock")
@@ -54,7 +39,7 @@ def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> Combined:
     mean = np.sum((w / w.sum(axis=0))[:, None] * x, axis=0)
     spread = np.sqrt(np.mean((x - mean) ** 2, axis=(0, 1)) * len(x) / (len(x) - 1))
     sd_mean = np.broadcast_to(1.0 / np.sqrt(w.sum(axis=0)), mean.shape)
-    return Combined(mean, np.array(sd_mean), np.asarray(spread))
+    return mean, np.array(sd_mean), np.asarray(spread)
 
 
 def of_run(run: int, t: Floats, sensors: Sequence[Sensor]) -> Motion3:
@@ -95,13 +80,9 @@ def _moved(run: Motion3, delay: float, t: Floats) -> Motion3:
 
 
 def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats:
-    """Return signals (n, ...) at other stamps by a cubic spline; NaN outside and in holes.
+    """Return signals (n, ...) with stamps ``source`` at the stamps t [s], (m,), by a cubic spline.
 
-    Args:
-        t: the other stamps [s], (m,).
-        source: stamps of the signals [s], (n,).
-        x: signals; NaN where unknown.
-        bridged: steps between two known rows that the spline may bridge.
+    NaN where they are outside or in a hole of more than ``bridged`` steps.
     """
     if len(t) == len(source) and np.allclose(t, source, rtol=0.0, atol=1e-9):
         return x
@@ -111,6 +92,7 @@ def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats
     stamps = source[good]
     after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
     near = stamps[after] - stamps[after - 1] <= bridged * np.median(np.diff(stamps))
+    near |= t == stamps[after]  # the first row behind a hole
     near &= (t >= stamps[0]) & (t <= stamps[-1])
     return np.where(near.reshape(-1, *[1] * (x.ndim - 1)), CubicSpline(stamps, x[good])(t), np.nan)
 
@@ -128,6 +110,5 @@ def _mean(each: Sequence[Motion3]) -> tuple[Motion3, Floats]:
             middle = np.mean([np.mean(v) for v in values])
             values = [v - np.mean(v) + middle for v in values]
         sd = [np.maximum(getattr(m, f"sd_{name}")[known], 1e-12) for m in each]
-        found = combine(values, sd)
-        x[known, k], x[known, k + 3], spread[k] = found.mean, found.sd, float(found.spread)
+        x[known, k], x[known, k + 3], spread[k] = combine(values, sd)
     return Motion3(t, *x.T), spread

@@ -65,7 +65,6 @@ def _sensor(sensor: Sensor) -> dict[str, Any]:
 
 def _run(sensor: Sensor, part: SensorRun) -> dict[str, Any]:
     found, clock = part.found, part.found.clock
-    pivot = max(clock.segments, key=lambda g: g.rows.stop - g.rows.start)
     return {
         "run": part.run + 1,
         "imu": sensor.sources[part.run],
@@ -74,7 +73,7 @@ def _run(sensor: Sensor, part: SensorRun) -> dict[str, Any]:
             "offset_se": clock.se_offset,
             "skew": clock.skew,
             "skew_se": clock.se_skew,
-            "at": {"imu": pivot.pivot, "servo": pivot.at_pivot, "se": pivot.se},
+            "at": {"imu": clock.main.pivot, "servo": clock.main.at_pivot, "se": clock.main.se},
             "restarts": len(clock.segments) - 1,
         },
         "gyro_scale": found.scale,

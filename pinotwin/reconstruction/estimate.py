@@ -14,6 +14,7 @@ import numpy as np
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.filters import group_delay
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -129,8 +130,7 @@ class _Job:
         """Return the stretches of a run whose clock could be matched with the IMU's."""
         imu = imu_run(imu_log)
         out, first = [], None
-        delay = np.sqrt(2.0) / (2.0 * np.pi * self.prior.gyro_cutoff)
-        settings = SyncSettings(delay=float(delay), skew=self.prior.skew)
+        settings = SyncSettings(delay=group_delay(self.prior.gyro_cutoff), skew=self.prior.skew)
         for piece in pieces(self.machine, log, self.joint, self.link, self.settings.servo_cutoff):
             try:
                 clock = sync(piece.run.t, piece.run.w, imu.t, imu.gyr, settings)
@@ -148,11 +148,8 @@ def _notes(
 ) -> tuple[str, ...]:
     """Return what a user should know.
 
-    Args:
-        sensors: the IMUs.
-        runs: all runs.
-        faint: size of the deflection's velocity over its standard deviation below which the mode is doubtful.
-        loose: standard deviation of the mounting above which a note says so [deg].
+    The mode is doubtful where the deflection's velocity is below ``faint`` standard deviations, the mounting where
+    its own is above ``loose`` [deg].
     """
     out = []
     for sensor in sensors:

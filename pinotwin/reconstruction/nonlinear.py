@@ -18,7 +18,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ServoRun
 from pinotwin.machine import Machine
@@ -61,18 +60,16 @@ def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[
     out = []
     for run, result in zip(servo, found, strict=True):
         load = np.reshape(run.load, (len(run.t), -1))
-        extra = _columns(result.angle - np.median(result.angle), peak)
+        q = (result.angle - np.median(result.angle)) / peak
+        extra = np.stack([-(q**3), *(-_stop(q, w) for w in WIDTHS)], axis=1)
         out.append(replace(run, load=np.hstack([load, size * extra])))
     return out
 
 
 def shares(result: BatchResult, servo: Sequence[ServoRun], found: Sequence[RunResult]) -> tuple[float, float]:
-    """Return hardening and hysteresis as shares of the spring's torque at the largest deflection.
+    """Return hardening and hysteresis in a second pass as shares of the spring's torque at the largest deflection.
 
-    Args:
-        result: the second pass.
-        servo: the runs as the first pass took them.
-        found: what it found.
+    ``servo`` are the runs as the first pass took them, and ``found`` what it found.
     """
     gain, _ = result.shared("gain")
     wn = 2.0 * np.pi * result.frequency[0]
@@ -87,11 +84,6 @@ def _peak(found: Sequence[RunResult]) -> float:
 
 def _load_size(servo: Sequence[ServoRun]) -> float:
     return float(np.mean([np.std(np.reshape(r.load, (len(r.t), -1)).sum(axis=1)) for r in servo]))
-
-
-def _columns(q: Floats, peak: float) -> Floats:
-    stops = [-_stop(q, w * peak) / peak for w in WIDTHS]
-    return np.stack([-((q / peak) ** 3), *stops], axis=1)
 
 
 @compiled

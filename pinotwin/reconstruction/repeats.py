@@ -13,16 +13,9 @@ from pinotwin.machine import Machine
 
 
 def delay(machine: Machine, reference: Log, other: Log, same: float = 0.02) -> float:
-    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s].
+    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s], both bound logs.
 
-    Args:
-        machine: whose bound logs they are.
-        reference: the first log.
-        other: another one.
-        same: share of the motion by which the positions of repeats may differ.
-
-    Raises:
-        DataError: they are not runs of one command.
+    The positions of repeats may differ by the share ``same`` of the motion.
     """
     (ta, a), (tb, b) = _positions(machine, reference), _positions(machine, other)
     step = float(np.median(np.diff(ta)))

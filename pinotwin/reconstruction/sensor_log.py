@@ -15,13 +15,8 @@ CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
 def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (5.0, 30.0)) -> ImuRun:
     """Return the readings of an IMU's log in SI; rows that lack a number are left out.
 
-    Args:
-        log: of the IMU.
-        fastest: rate that no axis with an IMU reaches, 4000 deg/s [rad/s].
-        gravity: median specific force that can be on this planet [m/s²].
-
-    Raises:
-        LogError: a channel is missing, or its unit cannot be the one expected.
+    Units are taken to be wrong above ``fastest`` [rad/s], 4000 deg/s, which no axis with an IMU reaches, and where
+    the median specific force cannot be on this planet [m/s²].
     """
     for name in ("t", *CHANNELS):
         if name not in log:
@@ -29,7 +24,7 @@ def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (
                 f"{log.source}: no channel {name!r}; an IMU log has t, "
                 f"{', '.join(CHANNELS)} (rad/s and m/s²); {nearest(name, log.channels)}"
             )
-    x = np.stack([log[n] * _factor(log, n) for n in ("t", *CHANNELS)], axis=1)
+    x = np.stack([log[n] * si_factor(log.units.get(n, "1")) for n in ("t", *CHANNELS)], axis=1)
     x = x[np.isfinite(x).all(axis=1)]
     if len(x) < 50:
         raise LogError(f"{log.source}: only {len(x)} rows hold numbers; record longer")
@@ -47,7 +42,3 @@ def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (
             "removed)"
         )
     return run
-
-
-def _factor(log: Log, name: str) -> float:
-    return si_factor(log.units[name]) if name in log.units else 1.0

@@ -66,19 +66,10 @@ def pieces(
     bridged: float = 8.5,
     shortest: float = 5.0,
 ) -> list[Piece]:
-    """Return the stretches of a bound log that are long enough to be of use.
+    """Return the stretches of a bound log that are long enough, positions low-passed at ``cutoff`` [Hz].
 
-    Args:
-        machine: whose log it is.
-        log: servo log, see :func:`bound`.
-        joint: the passive joint.
-        link: the link that carries the IMU.
-        cutoff: corner of the low-pass on the positions [Hz].
-        bridged: samples that a hole may have for the spline to bridge it.
-        shortest: length of a stretch that is of use [s]: some periods of 0.5 Hz, where the dynamic band begins.
-
-    Raises:
-        DataError: no stretch of the log is long enough.
+    The spline bridges holes of up to ``bridged`` samples. A stretch is of use from ``shortest`` [s]: some periods
+    of 0.5 Hz, where the dynamic band begins.
     """
     q = joint_positions(machine, log, "q")
     given = np.all([np.isfinite(log[f"{name}.q"]) for name in machine.axes], axis=0)
@@ -139,9 +130,6 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
     CAD inertias are 10 to 20 % off, so each column has its own gain. The dynamic part of a column
     fixes its gain, and with it its static part: the sag by gravity. Columns below the share ``least`` of
     the whole are left out.
-
-    Raises:
-        DataError: the machine has no inertia, or nothing in the motion loads the joint.
     """
     index = machine.passive[joint].index
     beta = machine.base.from_standard(parameters(machine.model))
@@ -158,16 +146,10 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
 
 
 def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:
-    """Return what the load lacks because the joint moves, (n,): its inertia depends on the posture.
+    """Return what the load lacks because the joint moves by ``delta``, (n, 3), (n,): its inertia has changed.
 
     Minus the difference of the rigid-body torques with and without the deflection, less the mean
     inertia times its acceleration, which the mode has already.
-
-    Args:
-        machine: with CAD inertias.
-        motion: of the axes.
-        joint: the passive joint.
-        delta: its angle, velocity and acceleration, (n, 3).
     """
     j = machine.passive[joint].index
     moved = [x.copy() for x in (motion.q, motion.v, motion.a)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from pinotwin.dynamics import jacobian, mass_matrix
 from pinotwin.errors import DataError, MachineError, nearest
+from pinotwin.imu.filters import group_delay
 from pinotwin.imu.runs import Priors
 from pinotwin.machine import Machine
 
@@ -79,7 +80,6 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
     part = machine.passive[joint]
     inertia = float(mass_matrix(machine.model, machine.posture()[None])[0, part.index, part.index])
     corner = settings.imu_cutoff if settings.imu_cutoff > 0.0 else np.inf
-    delay = float(np.sqrt(2.0) / (2.0 * np.pi * corner))
     frequency, damping, doubt = 20.0, 0.03, 0.7
     if part.stiffness and inertia > 0.0:
         wn = float(np.sqrt(part.stiffness / inertia))
@@ -93,5 +93,5 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
         gravity=np.array(machine.model.gravity.linear),
         gyro_cutoff=corner,
         accel_cutoff=corner,
-        gyro_delay_sd=settings.delay_tolerance * delay,
+        gyro_delay_sd=settings.delay_tolerance * group_delay(corner),
     )

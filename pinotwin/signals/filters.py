@@ -30,17 +30,10 @@ BAND = (1.0, 60.0)
 
 
 def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None) -> Floats:
-    """Return ``x`` low-passed without phase (Butterworth, forward and backward).
+    """Return ``x``, (n,) or (n, k), low-passed without phase (Butterworth of ``order``, forward and backward).
 
-    Args:
-        x: samples, shape (n,) or (n, k).
-        rate: sampling rate [Hz].
-        cutoff: corner [Hz]; infinite, or not below the Nyquist frequency, changes nothing.
-        order: order of the Butterworth filter (each way).
-        segments: unbroken stretches; each is filtered by itself, rows outside pass. None: one.
-
-    Raises:
-        DataError: the corner or order makes no sense, or a stretch is too short for the filter.
+    A corner [Hz] that is infinite or not below the Nyquist frequency changes nothing. Each unbroken stretch is
+    filtered by itself; rows outside pass.
     """
     if not cutoff > 0 or order < 1:
         raise DataError(f"low-pass: corner {cutoff} Hz and order {order} must be above 0")
@@ -52,15 +45,10 @@ def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Se
 
 @dataclass(frozen=True, eq=False)
 class _Filter:
-    """A filter in second-order sections.
+    """A filter in second-order sections."""
 
-    Attributes:
-        sos: the sections, shape (m, 6).
-        rest: their states at rest on a constant of one, shape (m, 2).
-    """
-
-    sos: Floats
-    rest: Floats
+    sos: Floats  # the sections, (m, 6)
+    rest: Floats  # their states at rest on a constant of one, (m, 2)
 
     @classmethod
     def of(cls, sos: Floats) -> _Filter:
@@ -99,15 +87,9 @@ def _stretches(x: Floats, segments: Segments) -> Sequence[slice]:
 
 
 def differentiate(x: Floats, step: float, segments: Segments = None) -> Floats:
-    """Return the time derivative by central differences, one-sided at the ends of a stretch.
+    """Return the time derivative of ``x``, (n,) or (n, k), by central differences; ``step`` in [s].
 
-    Args:
-        x: samples, shape (n,) or (n, k).
-        step: sampling interval [s].
-        segments: unbroken stretches, rows outside become NaN; None: one.
-
-    Raises:
-        DataError: a stretch has fewer than two samples.
+    One-sided at the ends of a stretch; rows outside become NaN.
     """
     x = np.asarray(x, dtype=float)
     out = np.full_like(x, np.nan)
@@ -139,15 +121,8 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
     """Return every ``factor``-th sample, low-passed without phase before, as MATLAB ``decimate``.
 
     Chebyshev I of order 8, 0.05 dB ripple, corner 0.8 of the new Nyquist frequency, both ways. As
-    in MATLAB the samples that are kept end with the last one.
-
-    Args:
-        x: samples, shape (n,) or (n, k).
-        factor: keep one in so many.
-        segments: unbroken stretches, decimated one by one and put together again; None: one.
-
-    Raises:
-        DataError: the factor is below 1, or a stretch is too short.
+    in MATLAB the samples that are kept end with the last one. Stretches of ``x``, (n,) or (n, k), are decimated one
+    by one and put together again.
     """
     if factor < 1:
         raise DataError(f"decimation by {factor}: the factor must be a whole number from 1")
@@ -174,12 +149,8 @@ def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
 
     The slowest pole of the digital filter decays as its radius to the power of the samples; the count is
     where that has fallen to 1 %, plus one sample for each of two differences. Above a quarter of the rate
-    these poles are far slower than those of the analogue filter: at 0.4 of it 23 samples, not 7.
-
-    Args:
-        cutoff: corner of the low-pass [Hz], infinite for none.
-        rate: sampling rate [Hz].
-        order: order of the Butterworth filter.
+    these poles are far slower than those of the analogue filter: at 0.4 of it 23 samples, not 7. ``cutoff`` and
+    ``rate`` in [Hz].
     """
     if not math.isfinite(cutoff) or cutoff >= rate / 2:
         return 2
@@ -201,12 +172,7 @@ def edge_rows(n: int, rate: float) -> int:
 
 
 def vibration_band(x: Floats, rate: float) -> Floats:
-    """Return signals (n, k) within the band, zero phase, ends cut.
-
-    Args:
-        x: an unbroken stretch.
-        rate: of its sampling [Hz].
-    """
+    """Return signals (n, k) of an unbroken stretch within the band, zero phase, ends cut; ``rate`` in [Hz]."""
     low, high = BAND
     sos = scipy.signal.butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
     edge = edge_rows(len(x), rate)

@@ -21,11 +21,8 @@ def rms(x: Floats) -> float:
 def roughness(parts: Iterable[Floats]) -> float:
     """Return the standard deviation of the noise on a smooth signal, quantisation included.
 
-    From third differences, in which motion is small beside noise; by their median, which jerks do not
-    move.
-
-    Args:
-        parts: unbroken stretches of the signal, each of shape (n,).
+    From third differences of its unbroken stretches, (n,) each, in which motion is small beside noise; by their
+    median, which jerks do not move.
     """
     third = np.concatenate([np.zeros(0), *(np.abs(np.diff(x, 3)) for x in parts)])
     return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
@@ -34,9 +31,7 @@ def roughness(parts: Iterable[Floats]) -> float:
 def burg(stretches: Sequence[Floats], order: int) -> tuple[Floats, float]:
     """Return a_1 ... a_p common to several stretches, shape (<= order,), and the variance of w.
 
-    Args:
-        stretches: samples with mean removed, each of shape (m,).
-        order: number of coefficients; fewer where the stretches are too short.
+    The mean is removed from each stretch, (m,); there are fewer coefficients where all are too short.
     """
     count = sum(len(x) for x in stretches)
     variance = sum(float(x @ x) for x in stretches) / max(count, 1)

@@ -13,11 +13,9 @@ from pinotwin.errors import DataError
 
 
 def joined(t: Floats, pause: float = np.inf) -> list[slice]:
-    """Return the rows of every log of those that were joined: time falls back where the next one begins.
+    """Return the rows of every log of those that were joined: time, (n,), falls back where the next one begins.
 
-    Args:
-        t: time [s], shape (n,).
-        pause: a longer one parts a log as well [s].
+    A longer ``pause`` [s] parts a log as well.
     """
     step = np.diff(t)
     ends = np.flatnonzero((step < 0.0) | (step > pause)) + 1
@@ -37,27 +35,16 @@ def runs(mask: Mask) -> list[slice]:
 
 @dataclass(frozen=True)
 class Clock:
-    """What the time stamps say.
+    """What the time stamps say."""
 
-    Attributes:
-        step: median interval [s].
-        jitter_rms: scatter of the intervals about the step [s], breaks left out.
-        jitter_max: largest deviation of an interval from the step [s], breaks left out.
-        duplicated: rows whose stamp equals the one before.
-        backward: rows whose stamp is below the one before.
-        gaps: rows before which more than (1 + tol) steps passed.
-        missing: samples that the gaps swallowed, in steps.
-        longest: longest gap [s], 0 for none.
-    """
-
-    step: float
-    jitter_rms: float
-    jitter_max: float
-    duplicated: tuple[int, ...]
-    backward: tuple[int, ...]
-    gaps: tuple[int, ...]
-    missing: int
-    longest: float
+    step: float  # median interval [s]
+    jitter_rms: float  # scatter of the intervals about the step [s], breaks left out
+    jitter_max: float  # largest deviation of an interval from the step [s], breaks left out
+    duplicated: tuple[int, ...]  # rows whose stamp equals the one before
+    backward: tuple[int, ...]  # rows whose stamp is below the one before
+    gaps: tuple[int, ...]  # rows before which more than (1 + tol) steps passed
+    missing: int  # samples that the gaps swallowed, in steps
+    longest: float  # longest gap [s], 0 for none
 
     @property
     def rate(self) -> float:
@@ -66,11 +53,7 @@ class Clock:
 
 
 def clock(t: Floats, tol: float = 0.5) -> Clock:
-    """Describe a time axis of shape (n,) [s]; ``tol`` is the share of a step that makes a gap.
-
-    Raises:
-        DataError: fewer than two stamps, or they do not advance.
-    """
+    """Describe a time axis of shape (n,) [s]; ``tol`` is the share of a step that makes a gap."""
     dt = np.diff(np.asarray(t, dtype=float))
     forward = dt[dt > 0]
     if not len(forward):
@@ -96,14 +79,9 @@ def _rows(breaks: Mask) -> tuple[int, ...]:
 
 
 def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
-    """Return the stretches in which every interval is within half a step of the median one.
+    """Return the stretches in which every interval of t, (n,) [s], is within half a step of the median one.
 
-    Args:
-        t: time [s], shape (n,).
-        valid: rows that hold numbers; a stretch also breaks at one that does not. None: all.
-
-    Raises:
-        DataError: the stamps do not advance.
+    A stretch also breaks at a row that is not ``valid``.
     """
     dt = np.diff(t)
     step = clock(t).step
@@ -115,14 +93,9 @@ def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
 
 
 def lagrange_error(t: Floats, x: Floats) -> Floats:
-    """Return how far samples lie from the cubic through their two neighbours on either side.
+    """Return how far samples (n, k) lie from the cubic through their two neighbours on either side, (n - 4, k).
 
-    Args:
-        t: when each was taken, increasing, shape (n,).
-        x: samples, shape (n, k).
-
-    Returns:
-        shape (n - 4, k); zero for a cubic in ``t`` (Lagrange's formula).
+    Times t, (n,), increase; by Lagrange's formula.
     """
     near = [t[k : len(t) - 4 + k] for k in (0, 1, 3, 4)]
     error = np.array(x[2:-2], dtype=float)
@@ -138,19 +111,9 @@ def lagrange_error(t: Floats, x: Floats) -> Floats:
 def uniform(
     t: Floats, x: Floats, rate: float, stretches: Sequence[slice]
 ) -> tuple[Floats, Floats, tuple[slice, ...]]:
-    """Interpolate linearly onto one uniform grid within each stretch.
+    """Interpolate linearly onto a grid of ``rate`` [Hz] within each stretch; nothing is made up between them.
 
-    Args:
-        t: time [s], increasing within each stretch, shape (n,).
-        x: samples, shape (n, k).
-        rate: rate of the new grid [Hz].
-        stretches: unbroken stretches of ``t``; nothing is made up between them.
-
-    Returns:
-        new time (m,), samples (m, k), and the stretches in these.
-
-    Raises:
-        DataError: there is no stretch.
+    Takes time (n,) [s] and samples (n, k); returns them, (m,) and (m, k), and the new stretches.
     """
     times, values, parts = [], [], []
     done = 0

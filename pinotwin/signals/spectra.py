@@ -33,15 +33,10 @@ from pinotwin.errors import DataError
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power spectral density.
+    """One-sided power spectral density."""
 
-    Attributes:
-        f: frequency [Hz], shape (m,).
-        density: unit² / Hz, shape (m,) or (m, k).
-    """
-
-    f: Floats
-    density: Floats
+    f: Floats  # frequency [Hz], (m,)
+    density: Floats  # unit² / Hz, (m,) or (m, k)
 
 
 def welch(
@@ -50,16 +45,10 @@ def welch(
     segments: Sequence[slice] | None = None,
     length: int | None = None,
 ) -> Spectrum:
-    """Return the power spectral density by Welch's method (Hann, half overlap, trend removed).
+    """Return the power spectral density of ``x``, (n,) or (n, k), by Welch's method (Hann, half overlap, no trend).
 
-    Args:
-        x: samples, shape (n,) or (n, k).
-        rate: sampling rate [Hz].
-        segments: unbroken stretches, averaged by their length; those below ``length`` are not used.
-        length: samples per window; None takes an eighth of the longest stretch, 64 to 8192.
-
-    Raises:
-        DataError: no stretch is long enough.
+    Stretches are averaged by their length; those below ``length`` samples, else an eighth of the longest within
+    64 to 8192, are not used.
     """
     parts = [slice(0, len(x))] if segments is None else list(segments)
     longest = max((p.stop - p.start for p in parts), default=0)
@@ -90,18 +79,10 @@ def _without_trend(windows: Floats) -> Floats:
 def suggest_cutoff(
     q: Floats, rate: float, segments: Sequence[slice] | None = None, *, margin: float = 2.0
 ) -> float:
-    """Return the corner [Hz] of the low-pass that suits the acceleration of these positions.
+    """Return the corner [Hz] of the low-pass that suits the acceleration of positions (n,) or (n, k).
 
-    See the module's docstring for the rule. Axes that do not move have no say.
-
-    Args:
-        q: measured positions, shape (n,) or (n, k).
-        rate: sampling rate [Hz].
-        segments: unbroken stretches; None: one.
-        margin: corner over the end of the motion's band, at most.
-
-    Returns:
-        the corner, or infinity if the motion reaches the Nyquist frequency (or nothing moves).
+    See the module's docstring for the rule; ``margin`` is the corner over the end of the motion's band, at most. Axes
+    that do not move have no say. Infinite if the motion reaches the Nyquist frequency (or nothing moves).
     """
     q = q[:, None] if q.ndim == 1 else q
     parts = [slice(0, len(q))] if segments is None else list(segments)
