@@ -14,8 +14,7 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force, steady_force
 from pinotwin.virtual.jit import kernel
-from pinotwin.virtual.mass import invert, mass_matrix
-from pinotwin.virtual.rigid import apply_load, body_forces, joint_efforts, move, place, place_in_world
+from pinotwin.virtual.rigid import apply_load, fold, invert, move, place
 
 
 @kernel
@@ -67,14 +66,10 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
         qh[i] = q[i] + half * (v[i] + 0.5 * half * a[i])
         vh[i] = (v[i] + half * a[i]) * axes.coupled
     place(tree, qh, room.pose)
-    move(tree, vh, room.still, room.pose)
-    body_forces(tree, room.pose)
-    if len(drive.body) > 0:
-        place_in_world(tree, room.pose)
-        for m in range(len(drive.body)):
-            apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
-    joint_efforts(tree, room.pose, bias)
-    mass_matrix(tree, room.pose, M)
+    move(tree, vh, room.pose)
+    for m in range(len(drive.body)):
+        apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
+    fold(tree, room.pose, bias, M)
     if axes.coupled == 0:
         for i in range(nv):
             for j in range(nv):
