@@ -21,11 +21,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
-from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, style
 
 _TURN = 2.0 * np.pi
 _MOST_ROWS = 16_384
@@ -326,35 +324,3 @@ def strongest(power: Floats, level: Floats, alpha: float) -> tuple[int | None, f
         return None, 1.0
     best = int(named[np.argmax(power[named])])
     return best, float(chance[best])
-
-
-def orders_figure(given: RippleOrders) -> go.Figure:
-    """Return the spectrum over the orders with those found named."""
-    figure = go.Figure()
-    figure.add_trace(
-        go.Bar(
-            x=given.searched,
-            y=given.spectrum,
-            name="all orders",
-            marker_color=MEASURED,
-            hovertemplate="order %{x:.4g}: %{y:.3g}<extra></extra>",
-        )
-    )
-    figure.add_trace(
-        go.Scatter(
-            x=given.orders,
-            y=given.amplitude,
-            mode="markers+text",
-            name="found",
-            text=[f"{order:.4g}" for order in given.orders],
-            textposition="top center",
-            marker={"color": ACCENT, "size": 8},
-        )
-    )
-    figure.add_trace(line(given.searched, given.threshold, "threshold", RESIDUAL).update(line_dash="dot"))
-    style(figure, 340)
-    unit = "revolution" if given.rotary else "metre"
-    figure.update_xaxes(title_text=f"order [1/{unit}]")
-    top = 1.18 * float(max(given.spectrum.max(initial=0.0), given.amplitude.max(initial=0.0)))
-    figure.update_yaxes(title_text="amplitude", range=[0, top])
-    return figure

@@ -151,14 +151,3 @@ def _shrink(found: Diagnosis) -> dict[str, Any] | None:
         "on": x.on,
         "promised_interval": None if own is None else [float(v) for v in own],
     }
-
-
-def read_answer(raw: Mapping[str, Any]) -> Answer:
-    """Return an answer from its JSON."""
-    known = {f.name for f in dataclasses.fields(Answer)}
-    values = {k: _tuples(v) if isinstance(v, list) else v for k, v in raw.items() if k in known}
-    return Answer(**values)
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

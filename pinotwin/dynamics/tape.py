@@ -46,16 +46,10 @@ class Tape:
 
 
 def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()) -> Tape:
-    """Return the tape of a machine with the inertial parameters ``pi``, shape (p,).
+    """Return the tape of a machine with the inertial parameters ``pi``, shape (p,); joints turn or slide.
 
-    Args:
-        model: the machine.
-        pi: standard parameters.
-        coupled: two joints that a motor turns together, and what it adds off the diagonal: inertia
-            M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
-
-    Raises:
-        MachineError: a joint that neither turns about nor slides along one axis.
+    ``coupled`` holds two joints that a motor turns together, and what it adds off the diagonal: inertia
+    M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
     """
     if np.shape(pi) != (parameter_count(model),):
         raise MachineError(f"machine {model.name!r}: pi has shape {np.shape(pi)}")

@@ -52,13 +52,9 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
 def scales(
     cad: pin.Model, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
 ) -> dict[str, Scale]:
-    """Return the reference sizes of every axis, from postures drawn over the travels.
+    """Return the reference sizes of every axis over random postures.
 
-    Args:
-        cad: the machine as CAD believes, one coordinate a joint.
-        joints: axis -> its joint.
-        axes: with their limits.
-        travels: lowest and highest position of every joint, shape (nv, 2).
+    ``joints`` gives the joint of each axis, ``travels`` the ends of every joint's travel [m or rad], shape (nv, 2).
     """
     rng = np.random.default_rng(0)
     postures = [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, len(travels)))]

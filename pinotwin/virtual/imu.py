@@ -26,13 +26,9 @@ RATE = 400.0
 
 
 def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> ImuSensor:
-    """Return an MTi-630 on a table with errors of the size of thesis Tables 6-3, 6-4 and B-1.
+    """Return an MTi-630 with errors as in thesis Tables 6-3, 6-4 and B-1; ``number`` 1 or 2 is one of its two.
 
-    Args:
-        machine_seed: draws what belongs to the sensor and its place.
-        number: 1 or 2, the two sensors of the thesis; more are copies of the second.
-        run_seed: draws what changes from run to run.
-        clock: faults of the clock, see :class:`pinotwin.virtual.imu_sensor.SensorClock`.
+    ``machine_seed`` draws what belongs to sensor and place, ``run_seed`` the rest; ``clock`` as SensorClock has it.
     """
     place = np.random.default_rng([machine_seed, 630, number])
     run = np.random.default_rng([machine_seed, 631, number, run_seed])

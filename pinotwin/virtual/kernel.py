@@ -177,16 +177,9 @@ def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-u
 
 @kernel
 def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-untyped-def]
-    """Run the machine through all control periods of ``drive``.
+    """Run the machine through all periods of ``drive``; ``state`` is left where it ends, ``record`` filled.
 
-    Args:
-        tree: rigid bodies.
-        axes: the rest of the machine.
-        drive: what happens to it.
-        state: where it starts; left where it ends.
-        room: scratch.
-        record: filled, one row every ``record.every`` periods.
-        timing: control period [s], updates per period, substeps per update.
+    ``timing`` is the control period [s], updates a period and substeps an update.
     """
     period, updates, substeps = timing
     na, P = len(axes.joint), axes.P

@@ -137,15 +137,7 @@ def _spring_row(spec: Passive | Bend, inertia: float) -> tuple[float, ...]:
 
 
 def tables(truth: Truth, layout: Layout, true: pin.Model, timing: Timing, cad: Mapping[str, float]) -> Axes:
-    """Return the kernel's tables of a machine.
-
-    Args:
-        truth: resolved truth.
-        layout: where things sit in the true model.
-        true: the true model.
-        timing: rates.
-        cad: CAD inertia per axis, for the feed-forward [kg or kg·m²].
-    """
+    """Return the kernel's tables of a machine; ``cad`` is what the feed-forward knows of inertia [kg or kg·m²]."""
     M = np.diag(inertia_at(true, layout.home))
     specs = [truth.axes[name] for name in layout.axes]
     P = np.zeros((len(specs), c.N_COLUMNS))

@@ -21,11 +21,7 @@ from pinotwin.virtual.truth import Pulse, Truth
 
 
 def decimation(control: float, rate: float, what: str) -> int:
-    """Return the control periods per sample of a slower rate [Hz].
-
-    Raises:
-        MachineError: the rate does not divide the control rate.
-    """
+    """Return the control periods a sample of a slower rate [Hz], which must divide the control rate."""
     every = round(control / rate)
     if every < 1 or abs(control / rate - every) > 1e-9:
         raise MachineError(f"{what} {rate} Hz does not divide the control rate {control} Hz")

@@ -19,14 +19,9 @@ from pinotwin.virtual.rigid import Tree
 
 
 def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
-    """Return the Pinocchio model of a URDF with every joint not in ``joints`` locked at zero.
+    """Return the model of a URDF (path or XML text) with every joint not in ``joints`` locked at zero.
 
-    Args:
-        urdf: path of the file, or the XML text itself.
-        joints: names of the joints that move.
-
-    Raises:
-        MachineError: the file cannot be read, or a joint does not exist.
+    A file that cannot be read, or a joint that does not exist, is a :class:`MachineError`.
     """
     text = str(urdf)
     inline = text.lstrip().startswith("<")
@@ -44,11 +39,7 @@ def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
 
 
 def axes_of(model: pin.Model) -> tuple[Ints, Floats]:
-    """Return of every joint whether it turns, (nv,), and its unit axis in its own frame, (nv, 3).
-
-    Raises:
-        MachineError: a joint has more than one degree of freedom.
-    """
+    """Return of every joint whether it turns, (nv,), and its unit axis in its own frame, (nv, 3)."""
     if model.njoints - 1 != model.nv:
         raise MachineError(f"{model.name}: virtual machines need joints of one degree of freedom")
     data, still = model.createData(), pin.neutral(model)
@@ -129,13 +120,7 @@ def gravity_at(model: pin.Model, q: Floats) -> Floats:
 
 
 def perturbed(model: pin.Model, spread: tuple[float, float], rng: np.random.Generator) -> list[pin.Inertia]:
-    """Return bodies that are off by ``spread``, each still possible.
-
-    Args:
-        model: what CAD believes.
-        spread: smallest and largest relative error of mass and of each gyration axis [-].
-        rng: source of the errors.
-    """
+    """Return possible bodies; mass and gyration axes are off by the smallest to largest of ``spread`` [-]."""
     out = []
     for body in list(model.inertias)[1:]:
         size = rng.uniform(*spread, 4)
