@@ -24,6 +24,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import Trajectory
+from pinotwin.virtual.withholding import changed
 
 Powers = Mapping[str, Mapping[str, float]]
 """axis -> signal (``u``, ``e``) -> power [SI²]."""
@@ -62,10 +63,10 @@ def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Power
 
 
 def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachine:
-    axes = {}
-    for name, axis in machine.truth.axes.items():
-        size = (getattr(axis.friction, level) or 0.0) * factor
-        axes[name] = replace(axis, friction=replace(axis.friction, **{level: size}))  # type: ignore[arg-type]
+    axes = {
+        name: changed(axis, "friction", **{level: (getattr(axis.friction, level) or 0.0) * factor})
+        for name, axis in machine.truth.axes.items()
+    }
     return replace(machine, truth=replace(machine.truth, axes=axes))
 
 
