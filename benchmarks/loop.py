@@ -1,6 +1,6 @@
 """Closed-loop identification and linear simulation against scipy and python-control, in one run.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/loop.py
+    OPENBLAS_NUM_THREADS=1 python -m benchmarks loop
 
 The log is that of a known loop of order 5 or 7 with 1 % noise, sampled at 4 kHz. Differential
 evolution minimises the same misfit with the filters of scipy (s^k / D as difference equations, then
@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import control
 import numpy as np
 from scipy import optimize, signal
 
+from benchmarks._timing import best
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.loop.layout import Layout, lay_out
 from pinotwin.loop.projection import Projection, Scales
@@ -53,16 +53,6 @@ def log(model: LoopModel, n: int) -> LoopData:
     y = model.simulate(0 * vr, d, vr=vr, ar=ar)
     noise = 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
     return LoopData(STEP, np.cumsum(vr) * STEP, d, y + noise, vr=vr, ar=ar)
-
-
-def best(run: Callable[[], object], repeats: int = 3) -> float:
-    """Return the best of several wall times [s]."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def plain_cost(data: LoopData, theta: np.ndarray) -> float:

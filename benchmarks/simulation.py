@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import re
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from benchmarks._timing import best
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE, control_step
@@ -26,16 +25,6 @@ from pinotwin.virtual.trajectories import Trajectory
 
 FOLDER = Path(__file__).resolve().parents[1] / "urdf" / "laser_driller"
 PERIOD = 1.0 / 4000.0
-
-
-def best(work: Callable[[], object], times: int = 3) -> float:
-    """Return the shortest wall time of some runs [s]."""
-    spans = []
-    for _ in range(times):
-        start = time.perf_counter()
-        work()
-        spans.append(time.perf_counter() - start)
-    return min(spans)
 
 
 def controllers(machine: VirtualMachine, trajectory: Trajectory, n: int):

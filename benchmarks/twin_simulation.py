@@ -10,10 +10,10 @@ it chooses (dry friction, ripple, five closed loops, full coupling); MuJoCo's ``
 from __future__ import annotations
 
 import argparse
+import functools
 import resource
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +21,12 @@ import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks._timing import best
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.simulation import respond, simulate
 from tests.simulated import known_twin, plain_machine, smooth_command
 
-
-def best(run: Callable[[], object], repeats: int = 3) -> float:
-    """Return the least CPU time of some runs [s]."""
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    return min(times)
+cpu = functools.partial(best, clock=time.process_time)
 
 
 def gains(twin):  # type: ignore[no-untyped-def]
@@ -106,13 +99,13 @@ def main() -> None:
     simulate(twin, log)
     say(f"first call (compiled or from cache): {time.process_time() - start:.2f} s\n")
     steps = respond(twin, log, full=False).substeps
-    rows = [(f"twin, {1.0 / steps:.3g} ms steps", best(lambda: simulate(twin, log)), float(steps))]
+    rows = [(f"twin, {1.0 / steps:.3g} ms steps", cpu(lambda: simulate(twin, log)), float(steps))]
     share = max(len(qr) // 5, 10)  # the loops in Python run a fifth of the log
     pieces = qr[:share]
-    rows.append(("pin.aba in Python, 1 ms", best(pinocchio_loop(twin, pieces, 1e-3)) * len(qr) / share, 1.0))
+    rows.append(("pin.aba in Python, 1 ms", cpu(pinocchio_loop(twin, pieces, 1e-3)) * len(qr) / share, 1.0))
     mujoco = mujoco_loop(twin, pieces, 1e-3)
     if mujoco is not None:
-        rows.append(("mj_step in Python, 1 ms", best(mujoco) * len(qr) / share, 1.0))
+        rows.append(("mj_step in Python, 1 ms", cpu(mujoco) * len(qr) / share, 1.0))
     for name, seconds, count in rows:
         say(
             f"{name:<26}{args.seconds / seconds:8.0f} x real time"
@@ -120,7 +113,7 @@ def main() -> None:
         )
     for length in (args.long / 16, args.long / 4, args.long):
         long = smooth_command(twin.machine, length, 1000.0)
-        seconds = best(lambda log=long: simulate(twin, log), 1)
+        seconds = cpu(lambda log=long: simulate(twin, log), 1)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         say(
             f"{length:7.0f} s of log: {seconds:7.2f} s, {seconds / length * 1e3:.2f} ms a second, "

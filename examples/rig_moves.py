@@ -92,7 +92,7 @@ def hammer_command(
     """Return command and force as channels, sampled as a hammer's own recorder does."""
     t = np.arange(round(path.seconds * rate)) / rate
     qr, _, _ = path.at(t, machine.axes)
-    _, _, load = load_arrays(machine.links, [pulse], t)
+    _, _, load = load_arrays(machine.true, [pulse], t)
     names = [f"{pulse.link}.{k}" for k in ("fx", "fy", "fz", "mx", "my", "mz")]
     channels = {"t": t} | {f"{n}.qr": qr[:, i] for i, n in enumerate(machine.axes)}
     return channels | {name: load[:, 0, k] for k, name in enumerate(names)}

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import msgspec
 import numpy as np
 import pytest
 
 from benchmarks.floors import beaten, floor_scores
 from pinotwin.arrays import plain
-from pinotwin.bench.answers import Answer, read_answer, same_class
+from pinotwin.bench.answers import Answer, same_class
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
 from pinotwin.bench.table import Bench, markdown, measured
@@ -218,7 +219,7 @@ def test_an_answer_survives_its_line_of_json():
         shrink=None,
         confusable=(("X.a", "X.b"),),
     )
-    assert read_answer(json.loads(json.dumps(plain(dataclasses.asdict(one))))) == one
+    assert msgspec.convert(json.loads(json.dumps(plain(dataclasses.asdict(one)))), Answer) == one
 
 
 def test_bounds():

@@ -43,8 +43,7 @@ def run():
             (Viscous(name, machine.axis(name).rotary), Coulomb(name, machine.axis(name).rotary)),
         )
     columns = [truth.joints.index(name) for name in machine.names]
-    rotor = np.array([virtual.truth.axes[name].drive.rotor or 0.0 for name in machine.names])
-    efforts = inverse_dynamics(truth)[:, columns] + rotor * truth.a[:, columns]
+    efforts = inverse_dynamics(truth)[:, columns]
     motion = pt.prepare(machine, recording.to_log(), cutoff=60.0)
     motion = dataclasses.replace(motion, q=truth.q[:, columns], v=truth.v[:, columns], a=truth.a[:, columns])
     return machine, motion, efforts

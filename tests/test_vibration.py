@@ -26,7 +26,6 @@ from pinotwin.reconstruction.servo import bound, pieces
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import channels, link_motion, record_imu, sensor
 from pinotwin.virtual.trajectories import random_trajectory
-from tests.virtual_motion import link_motion as sampled_motion
 
 DEG = np.pi / 180
 SECONDS = 11.5
@@ -72,18 +71,6 @@ def gaps(found: Vibration, true: np.ndarray) -> tuple[float, float, float, float
     fast = high_passed(m.t, m.q, 0.5), high_passed(m.t, true[0], 0.5)
     errors = (fast[0] - fast[1], m.v - true[1], m.a - true[2], fast[1])
     return tuple(rms(x) / DEG for x in errors)  # type: ignore[return-value]
-
-
-def test_virtual_link_motion_is_that_of_the_sealed_truth() -> None:
-    _, vm = rig()
-    run = vm.record(random_trajectory(vm, 1.5, 1), seed=1)
-    for link in ("C_link", "imu1", "delta_link", "Y_link"):
-        fast, slow = link_motion(run.truth, link), sampled_motion(run.truth, link)
-        np.testing.assert_allclose(fast.R, slow.rotation, atol=1e-13)
-        turned = np.einsum("nij,nj->ni", fast.R, fast.w)
-        np.testing.assert_allclose(turned, slow.angular_velocity, atol=1e-12)
-        world = np.einsum("nij,nj->ni", fast.R, fast.a)
-        np.testing.assert_allclose(world, slow.acceleration, atol=1e-10)
 
 
 def test_one_run_beats_the_sources_mean_of_22() -> None:

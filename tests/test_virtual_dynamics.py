@@ -7,8 +7,7 @@ import pytest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force
-from pinotwin.virtual.mass import gravity_at, inertia_at
-from pinotwin.virtual.tree import perturbed, tree_of, with_hidden_joint, with_payload
+from pinotwin.virtual.tree import assembled, inertia_at, perturbed, tree_of
 from tests.virtual_motion import forward_dynamics
 
 
@@ -48,64 +47,41 @@ def state_of(model: pin.Model, seed: int):
 def test_forward_dynamics_is_pinocchios(seed: int):
     pin.seed(seed)
     model = random_model(seed)
-    tree = tree_of(model)
+    own = assembled(model, list(model.inertias)[1:])
     q, v, tau, configuration = state_of(model, seed)
-    data = model.createData()
-    M = pin.crba(model, data, configuration)
-    np.testing.assert_allclose(inertia_at(tree, q), M, rtol=1e-9, atol=1e-12)
+    own.armature = model.armature = np.linspace(0.1, 0.6, model.nv) * (seed % 3)
+    M = pin.crba(model, model.createData(), configuration)
+    np.testing.assert_allclose(inertia_at(own, q), M, rtol=1e-9, atol=1e-12)
     expected = pin.aba(model, model.createData(), configuration, v, tau)
-    np.testing.assert_allclose(forward_dynamics(tree, q, v, tau), expected, rtol=1e-9, atol=1e-9)
-
-
-def test_armature_and_gravity():
-    pin.seed(3)
-    model = random_model(1)
-    model.armature = np.linspace(0.1, 0.6, model.nv)
-    tree = tree_of(model)._replace(armature=np.array(model.armature))
-    q, v, tau, configuration = state_of(model, 4)
-    expected = pin.aba(model, model.createData(), configuration, v, tau)
-    np.testing.assert_allclose(forward_dynamics(tree, q, v, tau), expected, rtol=1e-9, atol=1e-9)
-    hold = pin.computeGeneralizedGravity(model, model.createData(), configuration)
-    np.testing.assert_allclose(gravity_at(tree, q), hold, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(forward_dynamics(tree_of(own), q, v, tau), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_perturbed_bodies_stay_possible_and_off_by_what_was_asked():
     pin.seed(5)
-    tree = tree_of(random_model(3, joints=8))
+    model = random_model(3, joints=8)
+    bodies = list(model.inertias)[1:]
     masses = []
     for seed in range(30):
-        other = perturbed(tree, (0.10, 0.20), np.random.default_rng(seed))
-        masses.append(other.mass / tree.mass - 1.0)
-        for m, h, inertia in zip(other.mass, other.moment, other.inertia, strict=True):
-            pseudo = np.block([[0.5 * np.trace(inertia) * np.eye(3) - inertia, h[:, None]], [h[None], m]])
-            assert np.linalg.eigvalsh(pseudo).min() > 0.0
+        other = perturbed(model, (0.10, 0.20), np.random.default_rng(seed))
+        masses.append([b.mass / a.mass - 1.0 for a, b in zip(bodies, other, strict=True)])
+        assert min(np.linalg.eigvalsh(b.toPseudoInertia().toMatrix()).min() for b in other) > 0.0
     size = np.abs(masses)
     assert size.min() >= 0.10 - 1e-12
     assert size.max() <= 0.20 + 1e-12
-    same = perturbed(tree, (0.0, 0.0), np.random.default_rng(0))
-    np.testing.assert_allclose(same.inertia, tree.inertia, rtol=1e-12, atol=1e-12)
+    same = perturbed(model, (0.0, 0.0), np.random.default_rng(0))
+    assert all(a.isApprox(b, 1e-12) for a, b in zip(same, bodies, strict=True))
 
 
-def test_payload_is_a_point_mass():
-    pin.seed(6)
-    model = random_model(1, joints=3)
-    tree = with_payload(tree_of(model), 2, 1.7, np.array([0.1, -0.2, 0.3]))
-    placement = pin.SE3(np.eye(3), np.array([0.1, -0.2, 0.3]))
-    model.appendBodyToJoint(3, pin.Inertia(1.7, np.zeros(3), np.zeros((3, 3))), placement)
-    q, *_, configuration = state_of(model, 2)
-    M = pin.crba(model, model.createData(), configuration)
-    np.testing.assert_allclose(inertia_at(tree, q), M, rtol=1e-9, atol=1e-12)
-
-
-def test_a_hidden_joint_held_still_changes_nothing():
+def test_a_bend_held_still_changes_nothing():
     pin.seed(7)
     model = random_model(1, joints=4)
-    tree = tree_of(model)
-    bent = with_hidden_joint(tree, 1, 0.4)
+    bodies = list(model.inertias)[1:]
+    bent = assembled(model, bodies, bends={"j1": 0.4})
+    assert list(bent.names)[1:] == ["j0", "j1", "j1~", "j2", "j3"]
     q = np.random.default_rng(0).standard_normal(4)
     M = inertia_at(bent, np.insert(q, 2, 0.0))
     keep = np.ix_([0, 1, 3, 4], [0, 1, 3, 4])
-    np.testing.assert_allclose(M[keep], inertia_at(tree, q), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(M[keep], inertia_at(assembled(model, bodies), q), rtol=1e-10, atol=1e-12)
 
 
 def friction_row(law: int) -> np.ndarray:

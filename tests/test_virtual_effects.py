@@ -7,7 +7,7 @@ from pinotwin.errors import InputError
 from pinotwin.machine.bundled import bundled_path
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE, OUTSIDE
-from pinotwin.virtual.mass import inertia_at
+from pinotwin.virtual.tree import inertia_at
 from pinotwin.virtual.withholding import WITHHOLD, WITHHOLD_MACHINE
 from tests.test_effects_contract import NAMES
 
@@ -62,7 +62,7 @@ def test_withholding_what_was_injected_gives_back_the_healthy_machine(plain, tra
     assert again.truth == bare.truth
     assert item != VirtualMachine.load(plain).truth.axes["Y"]
     assert bare.truth.axes["A"] == VirtualMachine.load(plain).truth.axes["A"]
-    np.testing.assert_array_equal(bare.tree.inertia, VirtualMachine.load(plain).tree.inertia)
+    assert list(bare.true.inertias) == list(VirtualMachine.load(plain).true.inertias)
 
 
 def test_withheld_friction_is_exactly_gone(plain, trajectory):
@@ -116,7 +116,7 @@ def test_effort_scale_and_delay_change_the_log_alone(plain, trajectory, healthy)
 def test_payload_shows_in_the_weight_and_the_tree(plain):
     machine = VirtualMachine.load(plain, inject=[{"effect": "payload", "axis": "C", "value": 2.0}])
     healthy = VirtualMachine.load(plain)
-    assert machine.tree.mass.sum() - healthy.tree.mass.sum() == pytest.approx(2.0)
+    assert machine.true.inertias[-1].mass - healthy.true.inertias[-1].mass == pytest.approx(2.0)
     assert machine.inertia()[0, 0] - healthy.inertia()[0, 0] == pytest.approx(2.0)
 
 
@@ -182,7 +182,7 @@ def test_an_elastic_drive_adds_no_inertia_and_leaves_the_feed_forward_alone(plai
     ill = VirtualMachine.load(plain, inject=[f"{effect}:Y=0.05"])
     j = ill.layout.drive["Y"]
     rotor = ill.truth.axes["Y"].drive.rotor
-    before, after = (np.diag(inertia_at(m.tree, m.layout.home))[j] for m in (well, ill))
+    before, after = (np.diag(inertia_at(m.true, m.layout.home))[j] for m in (well, ill))
     assert rotor > 0.05 * before
     assert after + rotor == pytest.approx(before, rel=1e-9)
     assert ill.cad_inertia["Y"] == pytest.approx(well.cad_inertia["Y"])

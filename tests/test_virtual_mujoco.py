@@ -12,7 +12,7 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE, control_step
 from pinotwin.virtual.folder import read_folder
 from pinotwin.virtual.friction import friction_force
-from pinotwin.virtual.mass import gravity_at
+from pinotwin.virtual.tree import gravity_at, tree_of
 from tests.true_poles import smooth
 from tests.virtual_motion import forward_dynamics
 
@@ -45,7 +45,7 @@ def mujoco_model(folder, machine: VirtualMachine):
     model.jnt_limited[:] = 0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, n) for n in machine.joints]
-    model.dof_armature[ids] = machine.tree.armature
+    model.dof_armature[ids] = machine.true.armature
     return model, np.array(ids)
 
 
@@ -59,7 +59,7 @@ def run_in_mujoco(folder, machine: VirtualMachine, trajectory, seconds: float):
     qr, vr, ar = trajectory.at(np.arange(n) * PERIOD, machine.axes)
     at = ids[machine.tables().joint]
     data.qpos[at] = qr[0]
-    hold = gravity_at(machine.tree, data.qpos[ids].copy())[machine.tables().joint]
+    hold = gravity_at(machine.true, data.qpos[ids].copy())[machine.tables().joint]
     control, z, extra = np.zeros((na, N_STATE)), np.zeros((na, c.N_STATES)), np.zeros((2, na))
     control[:, 0] = hold
     control[:, 2] = np.where(P[:, c.PID] > 0.5, 0.0, qr[0])
@@ -116,7 +116,7 @@ def test_free_motion_without_friction_is_mujocos(urdf_dir):
         q, v, tau = rng.standard_normal((3, len(ids)))
         data.qpos[ids], data.qvel[ids], data.qfrc_applied[ids] = q, v, tau
         mujoco.mj_forward(model, data)
-        expected = forward_dynamics(machine.tree, q, v, tau)
+        expected = forward_dynamics(tree_of(machine.true), q, v, tau)
         np.testing.assert_allclose(data.qacc[ids], expected, rtol=1e-8, atol=1e-8)
 
 

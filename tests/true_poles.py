@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError
@@ -19,9 +20,9 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE
 from pinotwin.virtual.kernel import run
 from pinotwin.virtual.machine import VirtualMachine
-from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.run import empty_record, empty_room, equilibrium
 from pinotwin.virtual.structs import Axes, Drive, State
+from pinotwin.virtual.tree import tree_of
 
 # Perturbations: positions, velocities, efforts are scaled by the machine's own sizes below.
 _STEP = 1e-4
@@ -48,8 +49,8 @@ def closed_loop_poles(
         raise InputError(f"{machine.name}: no poles for a loop that is late by whole periods")
     home = machine.layout.home[tables.joint] if q is None else np.asarray(q, dtype=float)
     free = _free(machine, names, passive)
-    tree = _locked(machine, {index for name, index in free if name == "q"})
-    A = _transition(replace(machine, tree=tree), tables, home, free)
+    true = _locked(machine, {index for name, index in free if name == "q"})
+    A = _transition(replace(machine, true=true), tables, home, free)
     z = np.linalg.eigvals(A)
     z = z[np.abs(z) > 1e-6]  # the reading of the last period is remembered but not a mode
     s = np.log(z.astype(complex)) / machine.timing.period
@@ -68,11 +69,12 @@ def smooth(tables: Axes) -> Axes:
     return tables._replace(P=P, ripple=np.zeros_like(tables.ripple), grid=grid, springs=springs)
 
 
-def _locked(machine: VirtualMachine, joints: set[int]) -> Tree:
-    """Return the tree with every other joint too heavy to move."""
-    heavy = 1e6 * np.diag(machine.inertia())
+def _locked(machine: VirtualMachine, joints: set[int]) -> pin.Model:
+    """Return the true model with every other joint too heavy to move."""
+    heavy, true = 1e6 * np.diag(machine.inertia()), machine.true.copy()
     heavy[sorted(joints)] = 0.0
-    return machine.tree._replace(armature=machine.tree.armature + heavy)
+    true.armature = np.array(true.armature) + heavy
+    return true
 
 
 def _free(machine: VirtualMachine, names: Sequence[str], passive: bool) -> list[tuple[str, int]]:
@@ -98,7 +100,7 @@ def _transition(
     zero, chatter = np.zeros((1, na)), np.zeros((1, na))
     none = np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros((1, 0, 6))
     drive = Drive(home[None, :].copy(), zero, zero, zero, chatter, *none)
-    start = equilibrium(machine.tree, tables, home)
+    start = equilibrium(machine.true, tables, home)
     sizes = _sizes(machine, start)
     A = np.zeros((len(free), len(free)))
     for k, (name, index) in enumerate(free):
@@ -140,6 +142,7 @@ def _sizes(machine: VirtualMachine, state: State) -> dict[str, Floats]:
 
 def _one_period(machine: VirtualMachine, tables: Axes, drive: Drive, state: State) -> State:
     record = empty_record(1, 1, len(machine.axes), len(machine.joints))
-    room = empty_room(len(machine.joints))
-    run(machine.tree, tables, drive, state, room, record, machine.timing)
+    tree = tree_of(machine.true)
+    room = empty_room(tree)
+    run(tree, tables, drive, state, room, record, machine.timing)
     return state

@@ -64,11 +64,11 @@ class Answer:
         """Whether something outside the catalogue is said to be there."""
         return self.verdict in FLAGS
 
-    def right(self, k: int = 0, truth: int = 0, *, strict: bool = False) -> bool:
-        """Whether the k-th named effect is a true one; strictly, or with its classes merged."""
-        if k >= len(self.named) or truth >= len(self.truth):
+    def right(self, k: int = 0, *, strict: bool = False) -> bool:
+        """Whether the k-th named effect is the (first) true one; strictly, or with its classes merged."""
+        if k >= len(self.named) or not self.truth:
             return False
-        said, true = self.named[k][:2], self.truth[truth]
+        said, true = self.named[k][:2], self.truth[0]
         return said == true if strict else self.agrees(said, true)
 
     def agrees(self, said: Key, true: Key) -> bool:
@@ -151,14 +151,3 @@ def _shrink(found: Diagnosis) -> dict[str, Any] | None:
         "on": x.on,
         "promised_interval": None if own is None else [float(v) for v in own],
     }
-
-
-def read_answer(raw: Mapping[str, Any]) -> Answer:
-    """Return an answer from its JSON."""
-    known = {f.name for f in dataclasses.fields(Answer)}
-    values = {k: _tuples(v) if isinstance(v, list) else v for k, v in raw.items() if k in known}
-    return Answer(**values)
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

@@ -69,12 +69,6 @@ def draw_cases(
 
     Every round holds each effect once per situation, so that a bench that is cut short is a smaller
     bench, not a lopsided one. Machines take turns, axes are drawn at random, sizes log-uniformly.
-
-    Args:
-        machines: what it runs on.
-        rounds: repetitions.
-        situations: which of the two.
-        seed: of everything drawn.
     """
     rng = np.random.default_rng([seed, 7])
     out: list[Case] = []

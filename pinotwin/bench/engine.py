@@ -36,11 +36,9 @@ class KilledWorker(Exception):
 
 @contextmanager
 def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
-    """Yield what works on items, as they come, each with its result or the exception that it ended in.
+    """Yield what works on items as they come, each with its result or its exception, in so many processes.
 
-    Args:
-        workers: processes; with 1 the work is done in this process.
-        apart: a single worker is a process of its own, too: it may die without this one.
+    One works in this process, unless it is to be ``apart``: then it may die without this one.
     """
     if workers <= 1 and not apart:
         with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a process's future does

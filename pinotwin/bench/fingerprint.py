@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
-ONLY_SHOWN = ("report", "viewer", "cli", "files", "imu", "reconstruction")
+ONLY_SHOWN = ("report", "viewer", "cli", "imu", "reconstruction")
 """Parts of the package that no answer depends on."""
 ONLY_COUNTED = ("scoring", "table", "statistics")
 """Modules of the bench that look at answers which are there already."""

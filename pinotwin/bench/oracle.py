@@ -20,14 +20,9 @@ from pinotwin.twin import Twin
 
 
 def evidence(made: Produced, twin: Twin | None) -> float | None:
-    """Return the least size of the effects' true courses beside the model and each other.
+    """Return the least size of the effects' true courses beside the model and each other; 1 is the least asked for.
 
-    Over the least that the rules ask for on the axis that each moves most; None without effects, and where one is
-    the controller's.
-
-    Args:
-        made: the case.
-        twin: what a change is seen against.
+    On the axis that each moves most; None without effects, and where one is the controller's.
     """
     if not made.courses:
         return None

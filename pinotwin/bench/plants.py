@@ -106,12 +106,7 @@ def without(items: Sequence[Any], effect: str) -> list[Any]:
 
 
 def public_machine(name: str, withheld: Placed = ()) -> Machine:
-    """Return the machine as a diagnosis may see it: a copy without the truth.
-
-    Args:
-        name: machine.
-        withheld: effects taken off the listing of their axes.
-    """
+    """Return the machine as a diagnosis may see it: without its truth, and without some effects on its listing."""
     pairs = [(e, a) for e, a, _ in withheld if is_listed(name, e, a)]
     return _public(name, tuple(pairs))
 
@@ -131,14 +126,7 @@ def _public(name: str, pairs: tuple[tuple[str, str], ...]) -> Machine:
 
 
 def virtual(name: str, *, off: Placed = (), on: Placed = (), seed: int = 0) -> VirtualMachine:
-    """Return the virtual machine of a case.
-
-    Args:
-        name: machine.
-        off: effects that its listing lost: the truth loses what it has of them.
-        on: effects put in.
-        seed: of what the effects leave to chance.
-    """
+    """Return the virtual machine of a case: without what its listing lost (``off``), with what was put in (``on``)."""
     withhold = list(HEALTHY.get(name, ()))
     for effect, axis, _ in off:
         if is_listed(name, effect, axis):

@@ -24,6 +24,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import Trajectory
+from pinotwin.virtual.withholding import changed
 
 Powers = Mapping[str, Mapping[str, float]]
 """axis -> signal (``u``, ``e``) -> power [SI²]."""
@@ -62,10 +63,10 @@ def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Power
 
 
 def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachine:
-    axes = {}
-    for name, axis in machine.truth.axes.items():
-        size = (getattr(axis.friction, level) or 0.0) * factor
-        axes[name] = replace(axis, friction=replace(axis.friction, **{level: size}))  # type: ignore[arg-type]
+    axes = {
+        name: changed(axis, "friction", **{level: (getattr(axis.friction, level) or 0.0) * factor})
+        for name, axis in machine.truth.axes.items()
+    }
     return replace(machine, truth=replace(machine.truth, axes=axes))
 
 
@@ -91,14 +92,8 @@ def left_of(
 ) -> dict[str, float]:
     """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
 
-    Args:
-        difference: efforts, usually the difference of two clean runs.
-        along: the run whose motion the columns are taken along.
-        machine: what the diagnosis is given.
-        truth: for the shapes of the columns.
-        noise: of every axis; the fit weighs its rows by it.
-        usable: only the rows that the listing speaks about (Coulomb friction says nothing of rest).
-        rows: samples at which the columns are evaluated: enough for their span.
+    The columns are taken at their true shapes along a run, at so many rows; ``usable`` takes only those that the
+    listing speaks about (Coulomb friction says nothing of rest).
     """
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
     efforts = {f"{a}.u": of["u"] for a, of in difference.items()}

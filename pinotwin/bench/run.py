@@ -18,8 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from pinotwin.arrays import plain
-from pinotwin.bench.answers import Answer, failed, noted, read_answer
+from pinotwin.bench.answers import Answer, failed, noted
 from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
@@ -88,12 +90,9 @@ def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagn
 
 
 def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -> list[Answer]:
-    """Return the answers of the cases that were reached, in their order.
+    """Return the answers of the cases that were reached, in their order; those in the folder are not run again.
 
-    Args:
-        cases: what to run; those that the folder knows are not run again.
-        plan: how.
-        report: called with the stage and the share done.
+    ``report`` is called with the stage and the share done.
     """
     plan.folder.mkdir(parents=True, exist_ok=True)
     keys = {plan.key(case): case for case in cases}
@@ -114,7 +113,7 @@ def written(file: Path) -> dict[str, Answer]:
     for line in file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else ():
         with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError):
             raw: Mapping[str, Any] = json.loads(line)
-            said = read_answer(raw)
+            said = msgspec.convert(raw, Answer)
             if said.verdict != "error":
                 out[str(raw["key"])] = said
     return out

@@ -12,16 +12,10 @@ from pinotwin.twin import Twin
 
 
 def make_twin(folder: Path, machine: str, seed: int, seconds: float = 12.0) -> Path:
-    """Identify the twin of a healthy machine, unless it is there already; return its folder.
+    """Identify a healthy machine's twin on two logs of so many seconds, unless it is there; return its folder.
 
-    Its closed loops are left out: the law of the servo is held against the logs alone, and simulating the
-    tracking error takes most of the time of a case.
-
-    Args:
-        folder: where twins are kept.
-        machine: name.
-        seed: of its trajectories and noise.
-        seconds: length of each of its two logs [s].
+    Its closed loops are left out: simulating the tracking error takes most of the time of a case, and the law
+    of the servo is held against the logs alone.
     """
     from pinotwin.identification import identify
 

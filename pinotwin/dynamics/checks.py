@@ -10,12 +10,7 @@ from pinotwin.errors import DataError, MachineError
 
 
 def require_simple(model: pin.Model) -> None:
-    """Check that every joint has as many coordinates as velocities (nq == nv).
-
-    Raises:
-        MachineError: a joint is continuous, spherical, planar, free or a mimic; the message names
-            it.
-    """
+    """Refuse a model with a joint whose coordinates are not as many as its velocities (nq != nv)."""
     mimics = [n for n, j in zip(model.names, model.joints, strict=True) if "Mimic" in j.shortname()]
     if mimics:
         raise MachineError(
@@ -31,15 +26,7 @@ def require_simple(model: pin.Model) -> None:
 
 
 def as_log(model: pin.Model, **arrays: Floats) -> list[Floats]:
-    """Return whole-log arrays as C-contiguous floats after a check of their shapes.
-
-    Args:
-        model: the machine; it must pass :func:`require_simple`.
-        **arrays: name -> values of shape (n, nv), all with the same n.
-
-    Raises:
-        DataError: an array is not (n, nv), or they differ in n.
-    """
+    """Return arrays of shape (n, nv), all of one n, as C-contiguous floats; others are refused by their name."""
     require_simple(model)
     out: list[Floats] = []
     for name, values in arrays.items():
@@ -57,11 +44,7 @@ def as_log(model: pin.Model, **arrays: Floats) -> list[Floats]:
 
 
 def require_depth_first(model: pin.Model) -> None:
-    """Check that each joint follows its parent or a whole branch of it, as ``pin.crba`` assumes.
-
-    Raises:
-        MachineError: it does not; Pinocchio's mass matrix would be wrong without a word.
-    """
+    """Refuse joints out of depth-first order: ``pin.crba`` would be wrong without a word."""
     for i in range(2, model.njoints):
         above = i - 1
         while above > model.parents[i]:

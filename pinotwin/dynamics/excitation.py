@@ -97,11 +97,7 @@ def _spectrum(S: Floats) -> tuple[Floats, Floats]:
 def _groups(V: Floats, names: Sequence[str], member: float = 0.01, link: float = 0.02) -> list[Group]:
     """Return the parameters that the subspace V (b, k) couples, as connected groups.
 
-    Args:
-        V: directions that are not excited.
-        names: the parameters.
-        member: share of a parameter's unit vector in the subspace that makes it a member.
-        link: coupling of two parameters through the subspace that joins them.
+    ``member`` is the share of a parameter in the subspace that counts, ``link`` the coupling that joins two.
     """
     projector = V @ V.T
     left: Ints = np.flatnonzero(np.diag(projector) > member)

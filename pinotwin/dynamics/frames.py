@@ -17,11 +17,7 @@ from pinotwin.errors import DataError, MachineError, nearest
 
 
 def frame_id(model: pin.Model, frame: str) -> int:
-    """Return Pinocchio's index of a frame (a link, a joint or an operational frame).
-
-    Raises:
-        MachineError: there is no such frame; the message names the nearest one.
-    """
+    """Return Pinocchio's index of a frame (a link, a joint or an operational frame); unknown ones are refused."""
     names = [f.name for f in model.frames]
     if frame not in names:
         raise MachineError(f"machine {model.name!r}: no frame {frame!r}; {nearest(frame, names)}")

@@ -46,16 +46,10 @@ class Tape:
 
 
 def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()) -> Tape:
-    """Return the tape of a machine with the inertial parameters ``pi``, shape (p,).
+    """Return the tape of a machine with the inertial parameters ``pi``, shape (p,); joints turn or slide.
 
-    Args:
-        model: the machine.
-        pi: standard parameters.
-        coupled: two joints that a motor turns together, and what it adds off the diagonal: inertia
-            M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
-
-    Raises:
-        MachineError: a joint that neither turns about nor slides along one axis.
+    ``coupled`` holds two joints that a motor turns together, and what it adds off the diagonal: inertia
+    M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
     """
     if np.shape(pi) != (parameter_count(model),):
         raise MachineError(f"machine {model.name!r}: pi has shape {np.shape(pi)}")
@@ -117,15 +111,15 @@ class _Bodies:
         """Fill column i of M: the force that a unit acceleration of joint i needs, carried down."""
         axis = self.axis[i]
         if self.revolute[i]:
-            f, n = _cross(axis, h), inertia @ axis
+            f, n = np.cross(axis, h), inertia @ axis
         else:
-            f, n = m * axis, _cross(h, axis)
+            f, n = m * axis, np.cross(h, axis)
         own = self.axis[i] @ (n if self.revolute[i] else f)
         out[i, i] = own + float(self.armature[i])
         j = i
         while self.parent[j] >= 0:
             f, n = self.R[j] @ f, self.R[j] @ n
-            n = n + _cross(self.p[j], f)
+            n = n + np.cross(self.p[j], f)
             j = self.parent[j]
             out[j, i] = self.axis[j] @ (n if self.revolute[j] else f)
 
@@ -139,7 +133,7 @@ class _Bodies:
             k = self.parent[i]
             if k >= 0:
                 f, n = self.R[i] @ f, self.R[i] @ n
-                forces[k] = (forces[k][0] + f, forces[k][1] + n + _cross(self.p[i], f))
+                forces[k] = (forces[k][0] + f, forces[k][1] + n + np.cross(self.p[i], f))
         return {i: out[i] for i in sorted(out) if not _is_zero(out[i])}
 
     def _forces(self):  # type: ignore[no-untyped-def]
@@ -149,18 +143,18 @@ class _Bodies:
         forces = []
         for i, k in enumerate(self.parent):
             w, dw, a = motion[k]
-            a = a + _cross(dw, self.p[i]) + _cross(w, _cross(w, self.p[i]))
+            a = a + np.cross(dw, self.p[i]) + np.cross(w, np.cross(w, self.p[i]))
             w, dw, a = (self.R[i].T @ x for x in (w, dw, a))
             rate = self.axis[i] * self.v[i]
             if self.revolute[i]:
-                dw = dw + _cross(w, rate)
+                dw = dw + np.cross(w, rate)
                 w = w + rate
             else:
-                a = a + 2.0 * _cross(w, rate)
+                a = a + 2.0 * np.cross(w, rate)
             motion[i] = (w, dw, a)
             m, h, inertia = self.body[i]
-            f = m * a + _cross(dw, h) + _cross(w, _cross(w, h))
-            forces.append((f, inertia @ dw + _cross(w, inertia @ w) + _cross(h, a)))
+            f = m * a + np.cross(dw, h) + np.cross(w, np.cross(w, h))
+            forces.append((f, inertia @ dw + np.cross(w, inertia @ w) + np.cross(h, a)))
         return forces
 
 
@@ -197,13 +191,6 @@ def _moved(m, h, inertia, R, p):  # type: ignore[no-untyped-def]
 def _spread(x):  # type: ignore[no-untyped-def]
     """Return trace(x) 1 - x."""
     return np.eye(3).astype(object) * (x[0, 0] + x[1, 1] + x[2, 2]) - x
-
-
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
-        dtype=object,
-    )
 
 
 def _clean(x: Floats, tiny: float = 1e-15):  # type: ignore[no-untyped-def]

@@ -15,8 +15,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction, Limits
-from pinotwin.virtual.mass import gravity_at, inertia_at
-from pinotwin.virtual.rigid import Tree
+from pinotwin.virtual.tree import axes_of, gravity_at, inertia_at
 
 
 @dataclass(frozen=True)
@@ -51,29 +50,25 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
 
 
 def scales(
-    tree: Tree, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
+    cad: pin.Model, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
 ) -> dict[str, Scale]:
-    """Return the reference sizes of every axis, from postures drawn over the travels.
+    """Return the reference sizes of every axis over random postures.
 
-    Args:
-        tree: the machine as CAD believes.
-        joints: axis -> its joint.
-        axes: with their limits.
-        travels: lowest and highest position of every joint, shape (nv, 2).
+    ``joints`` gives the joint of each axis, ``travels`` the ends of every joint's travel [m or rad], shape (nv, 2).
     """
     rng = np.random.default_rng(0)
     postures = [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, len(travels)))]
-    masses = [inertia_at(tree, q) for q in postures]
+    masses = [inertia_at(cad, q) for q in postures]
     inertia = np.max([np.diag(M) for M in masses], axis=0)
     least = np.min([1.0 / np.diag(np.linalg.inv(M)) for M in masses], axis=0)
-    hold = np.max([np.abs(gravity_at(tree, q)) for q in postures], axis=0)
-    out = {}
+    hold = np.max([np.abs(gravity_at(cad, q)) for q in postures], axis=0)
+    out, (rotary, _) = {}, axes_of(cad)
     for name, j in joints.items():
         limits = axes[name].limits
         total = float(inertia[j]) + (axes[name].drive.rotor or 0.0)
         rated = total * (limits.acceleration or 0.0) + float(hold[j])
         sizes = (total, float(least[j]), float(hold[j]), rated, limits.speed or 0.0)
-        out[name] = Scale(bool(tree.rotary[j]), *sizes, float(np.ptp(travels[j])))
+        out[name] = Scale(bool(rotary[j]), *sizes, float(np.ptp(travels[j])))
     return out
 
 

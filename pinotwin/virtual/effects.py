@@ -63,14 +63,7 @@ def withhold_all(truth: Truth, requests: Sequence[str]) -> Truth:
 def inject_all(
     truth: Truth, requests: Sequence[Request], scales: Mapping[str, Scale], bodies: Bodies
 ) -> Truth:
-    """Return the truth with the effects added.
-
-    Args:
-        truth: resolved truth.
-        requests: what to add.
-        scales: reference sizes of the axes.
-        bodies: what each axis moves.
-    """
+    """Return the truth with effects added, sized by the scales of the axes and the bodies that they move."""
     known = {**INJECT, **OUTSIDE}
     for request in requests:
         item = parse(request)

@@ -76,11 +76,7 @@ def _yaml(file: Path) -> Any:
 
 
 def read_truth(path: Path) -> Truth:
-    """Return the truth in a YAML file.
-
-    Raises:
-        MachineError: the file is not YAML, or a key or a value in it cannot be used.
-    """
+    """Return the truth in a YAML file; a key or a value that cannot be used is a :class:`MachineError`."""
     truth: Truth = _built(Truth, _yaml(path), str(path))
     return truth
 

@@ -144,17 +144,9 @@ def drag_force(P, i, v, z, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a struct of these costs more than the law)
-    """Return the whole friction effort of an axis and advance its bristles.
+    """Return the friction effort of axis ``i`` [N or N·m]; its states ``z``, (na, N_STATES), advance by dt [s].
 
-    Args:
-        P: parameter table, shape (na, N_COLUMNS).
-        i: the axis.
-        q: position [m or rad].
-        v: speed [m/s or rad/s].
-        z: states of bristles or elements and the drag of cables, shape (na, N_STATES); changed.
-        load: effort that the transmission carries [N or N·m].
-        extra: how warm each axis is (0 to 1) and a normal number for chatter, shape (2, na).
-        dt: step [s].
+    ``load`` is what the transmission carries; ``extra``, (2, na), how warm each axis is and a number for chatter.
     """
     force = P[i, c.VISCOUS] * (1.0 + P[i, c.WARMING] * extra[0, i]) * v + P[i, c.QUADRATIC] * v * abs(v)
     if P[i, c.DRAG] != 0.0:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
@@ -18,19 +19,16 @@ from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
 from pinotwin.virtual.imu_sensor import ImuReading, ImuSensor, LinkMotion, SensorClock, mti630
 from pinotwin.virtual.recording import SealedTruth
+from pinotwin.virtual.tree import links_of
 
 RATE = 400.0
 """Sampling rate of the sensor [Hz]."""
 
 
 def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> ImuSensor:
-    """Return an MTi-630 on a table with errors of the size of thesis Tables 6-3, 6-4 and B-1.
+    """Return an MTi-630 with errors as in thesis Tables 6-3, 6-4 and B-1; ``number`` 1 or 2 is one of its two.
 
-    Args:
-        machine_seed: draws what belongs to the sensor and its place.
-        number: 1 or 2, the two sensors of the thesis; more are copies of the second.
-        run_seed: draws what changes from run to run.
-        clock: faults of the clock, see :class:`pinotwin.virtual.imu_sensor.SensorClock`.
+    ``machine_seed`` draws what belongs to sensor and place, ``run_seed`` the rest; ``clock`` as SensorClock has it.
     """
     place = np.random.default_rng([machine_seed, 630, number])
     run = np.random.default_rng([machine_seed, 631, number, run_seed])
@@ -46,43 +44,22 @@ def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> Im
 
 
 def link_motion(truth: SealedTruth, link: str) -> LinkMotion:
-    """Return the true motion of a link, all samples at once.
+    """Return the true motion of a link.
 
     Raises:
         InputError: the machine has no such link.
     """
-    if link not in truth.links:
-        raise InputError(f"no link {link!r} in this machine; {nearest(link, truth.links)}")
-    joint, rotation, offset = truth.links[link]
-    tree, n = truth.tree, len(truth.t)
-    R = np.broadcast_to(np.eye(3), (n, 3, 3))
-    w, dw, a = (np.zeros((n, 3)) for _ in range(3))  # in the axes of the body
-    for j in _path(tree.parent, joint):
-        arm, turn = tree.offset[j], tree.placement[j]
-        q, v, qdd = truth.q[:, j, None], truth.v[:, j, None], truth.a[:, j, None]
-        axis = tree.axis[j]
-        rotary = bool(tree.rotary[j])
-        arm = arm + (0.0 if rotary else q * (turn @ axis))
-        a = a + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
-        E = turn @ Rotation.from_rotvec(q * axis).as_matrix() if rotary else turn[None]
-        R = R @ E
-        w, dw, a = (np.einsum("nji,nj->ni", np.broadcast_to(E, (n, 3, 3)), x) for x in (w, dw, a))
-        if rotary:
-            dw = dw + qdd * axis + np.cross(w, v * axis)
-            w = w + v * axis
-        else:
-            a = a + qdd * axis + 2.0 * np.cross(w, v * axis)
-    a = a + np.cross(dw, offset) + np.cross(w, np.cross(w, offset))
-    return LinkMotion(truth.t, R @ rotation, w @ rotation, a @ rotation)
-
-
-def _path(parent: np.ndarray, joint: int) -> list[int]:
-    """Return the joints from the base to ``joint``."""
-    out = []
-    while joint >= 0:
-        out.append(int(joint))
-        joint = int(parent[joint])
-    return out[::-1]
+    model, data = truth.model, truth.model.createData()
+    if link not in links_of(model):
+        raise InputError(f"no link {link!r} in this machine; {nearest(link, links_of(model))}")
+    frame, n = model.getFrameId(link, pin.FrameType.BODY), len(truth.t)
+    R, w, a = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
+    for k, state in enumerate(zip(truth.q, truth.v, truth.a, strict=True)):
+        pin.forwardKinematics(model, data, *state)
+        R[k] = pin.updateFramePlacement(model, data, frame).rotation
+        w[k] = pin.getFrameVelocity(model, data, frame, pin.LOCAL).angular
+        a[k] = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL).linear
+    return LinkMotion(truth.t, R, w, a)
 
 
 def channels(reading: ImuReading) -> Mapping[str, Floats]:
@@ -110,7 +87,9 @@ def record_imu(
         number: which sensor.
         clock: faults of its clock: ``drop``, ``holes``, ``restart``, ``jitter``.
     """
-    own = replace(sensor(machine_seed, number, run_seed, **clock), gravity=truth.tree.gravity)
+    own = replace(
+        sensor(machine_seed, number, run_seed, **clock), gravity=np.array(truth.model.gravity.linear)
+    )
     rng = np.random.default_rng([machine_seed, 632, number, run_seed])
     reading = own.measure(link_motion(truth, link), rng)
     return Log(channels(reading), source=f"virtual imu{number} on {link} (seed {run_seed})")

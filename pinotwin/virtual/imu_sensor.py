@@ -184,12 +184,7 @@ def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) ->
 
 
 def mti630(rng: np.random.Generator, number: int = 1) -> ImuSensor:
-    """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), errors drawn.
-
-    Args:
-        rng: draws scale errors, non-orthogonality, g-sensitivity and accelerometer errors.
-        number: which of the two sensors of the thesis.
-    """
+    """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), its errors drawn."""
     bias, noise, acc = {
         1: ([0.1329, 0.04537, 0.09289], [0.08493, 0.07997, 0.08274], [8.165, 7.291, 5.651]),
         2: ([-0.06855, 0.03738, 0.06225], [0.1663, 0.09148, 0.08925], [8.647, 7.331, 6.408]),

@@ -14,8 +14,7 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force, steady_force
 from pinotwin.virtual.jit import kernel
-from pinotwin.virtual.mass import invert, mass_matrix
-from pinotwin.virtual.rigid import apply_load, body_forces, joint_efforts, move, place, place_in_world
+from pinotwin.virtual.rigid import apply_load, fold, invert, move, place
 
 
 @kernel
@@ -67,14 +66,10 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
         qh[i] = q[i] + half * (v[i] + 0.5 * half * a[i])
         vh[i] = (v[i] + half * a[i]) * axes.coupled
     place(tree, qh, room.pose)
-    move(tree, vh, room.still, room.pose)
-    body_forces(tree, room.pose)
-    if len(drive.body) > 0:
-        place_in_world(tree, room.pose)
-        for m in range(len(drive.body)):
-            apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
-    joint_efforts(tree, room.pose, bias)
-    mass_matrix(tree, room.pose, M)
+    move(tree, vh, room.pose)
+    for m in range(len(drive.body)):
+        apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
+    fold(tree, room.pose, bias, M)
     if axes.coupled == 0:
         for i in range(nv):
             for j in range(nv):
@@ -182,16 +177,9 @@ def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-u
 
 @kernel
 def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-untyped-def]
-    """Run the machine through all control periods of ``drive``.
+    """Run the machine through all periods of ``drive``; ``state`` is left where it ends, ``record`` filled.
 
-    Args:
-        tree: rigid bodies.
-        axes: the rest of the machine.
-        drive: what happens to it.
-        state: where it starts; left where it ends.
-        room: scratch.
-        record: filled, one row every ``record.every`` periods.
-        timing: control period [s], updates per period, substeps per update.
+    ``timing`` is the control period [s], updates a period and substeps an update.
     """
     period, updates, substeps = timing
     na, P = len(axes.joint), axes.P

@@ -12,18 +12,15 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.assemble import bodies_of, link_frames, resolve, true_tree
+from pinotwin.virtual.assemble import bodies_of, resolve, true_model
 from pinotwin.virtual.axis_truth import Drive, Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
 from pinotwin.virtual.kernel import run
-from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
 from pinotwin.virtual.recording import Recording, SealedTruth
-from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.run import (
-    Links,
     decimation,
     drive_of,
     empty_record,
@@ -34,7 +31,7 @@ from pinotwin.virtual.run import (
 )
 from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.trajectories import Trajectory
-from pinotwin.virtual.tree import load_model, tree_of
+from pinotwin.virtual.tree import assembled, inertia_at, load_model, tree_of
 from pinotwin.virtual.truth import Pulse, Truth
 from pinotwin.virtual.withholding import changed
 
@@ -48,12 +45,9 @@ class VirtualMachine:
     name: str  # name of the machine
     truth: Truth  # resolved truth; belongs to tests and scoring only
     model: pin.Model  # Pinocchio model of the shipped URDF
-    cad: Tree  # the shipped rigid bodies
-    tree: Tree  # the true ones
-    layout: Layout  # where names sit in the true tree
-    joints: tuple[str, ...]  # name of every joint of the true tree
+    true: pin.Model  # the true one; one coordinate a joint
+    layout: Layout  # where names sit in it
     scales: Mapping[str, Scale]  # reference sizes of every axis
-    links: Links  # link -> (joint, rotation, offset)
     timing: Timing  # rates of the simulation
     cad_inertia: Mapping[str, float]  # CAD inertia per axis that the feed-forward uses [kg or kg·m²]
 
@@ -91,25 +85,29 @@ class VirtualMachine:
         model = load_model(folder.urdf, [*folder.axes.values(), *folder.passive.values()])
         if folder.gravity is not None:
             model.gravity.linear = np.array(folder.gravity)
-        cad = tree_of(model)
+        cad = assembled(model, list(model.inertias)[1:])
         truth, sizes = resolve(folder, model, cad)
         truth = withhold_all(truth, withhold)
-        truth = inject_all(truth, inject, sizes, bodies_of(folder, model, cad))
-        tree, layout, joints = true_tree(truth, folder, model, cad)
+        truth = inject_all(truth, inject, sizes, bodies_of(folder, model))
+        true, layout = true_model(truth, folder, model)
         index = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
         middle = np.zeros(model.nv)
         for name, j in index.items():
             middle[j] = np.mean(truth.axes[name].limits.travel or (0.0, 0.0))
         inertia = np.diag(inertia_at(cad, middle))
         forward = {n: float(inertia[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
-        timing = _timing(truth, layout, tree, forward)
-        links = link_frames(model, layout)
-        return cls(folder.name, truth, model, cad, tree, layout, joints, sizes, links, timing, forward)
+        timing = _timing(truth, layout, true, forward)
+        return cls(folder.name, truth, model, true, layout, sizes, timing, forward)
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the axes in order."""
         return self.layout.axes
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints of the true model in order."""
+        return tuple(self.true.names)[1:]
 
     @property
     def limits(self) -> Mapping[str, Limits]:
@@ -118,11 +116,11 @@ class VirtualMachine:
 
     def tables(self, truth: Truth | None = None) -> Axes:
         """Return the kernel's tables, of this truth or of one with this run's friction."""
-        return tables(truth or self.truth, self.layout, self.tree, self.timing, self.cad_inertia)
+        return tables(truth or self.truth, self.layout, self.true, self.timing, self.cad_inertia)
 
     def inertia(self, q: Floats | None = None) -> Floats:
         """Return the true mass matrix at a position (home by default), shape (nv, nv)."""
-        return inertia_at(self.tree, self.layout.home if q is None else q)
+        return inertia_at(self.true, self.layout.home if q is None else q)
 
     def record(
         self,
@@ -146,7 +144,7 @@ class VirtualMachine:
             truth_rate: rate of the truth [Hz]; the log rate by default.
         """
         loads = self.truth.external if external is None else tuple(external)
-        rate, links = self.truth.control_rate, self.links
+        rate, true = self.truth.control_rate, self.true
         rng = np.random.default_rng([self.truth.seed, 1000, seed])
         truth = self.scattered(rng) if noise else self.truth
         axes, noises = self.tables(truth), rng if noise else None
@@ -157,18 +155,18 @@ class VirtualMachine:
         step, n = int(np.gcd(every, fine)), round(trajectory.seconds * rate / every) * every
         if n < every:
             raise DataError(f"{self.name}: a trajectory of {trajectory.seconds} s is too short")
-        drive = drive_of(truth, links, trajectory, loads, n, noises)
-        state = equilibrium(self.tree, axes, drive.qr[0])
+        drive = drive_of(truth, true, trajectory, loads, n, noises)
+        state, tree = equilibrium(true, axes, drive.qr[0]), tree_of(true)
         record = empty_record(step, n // step, len(self.axes), len(self.joints))
-        run(self.tree, axes, drive, state, empty_room(len(self.joints)), record, self.timing)
+        run(tree, axes, drive, state, empty_room(tree), record, self.timing)
         if not np.all(np.isfinite(record.q)):
             raise MachineError(f"{self.name}: the simulation diverged; lower the loop gains")
         t = np.arange(n // every) * every / rate
-        log = log_of(truth, drive, record, t, every, noises) | load_channels(links, loads, t)
+        log = log_of(truth, drive, record, t, every, noises) | load_channels(true, loads, t)
         rows = slice(None, None, fine // step)
         q, v, a, u, friction = (getattr(record, x)[rows] for x in ("q", "v", "a", "effort", "friction"))
         clock = np.arange(len(q)) * fine / rate
-        sealed = SealedTruth(clock, self.joints, q, v, a, self.axes, u, friction, self.tree, links)
+        sealed = SealedTruth(clock, self.joints, q, v, a, self.axes, u, friction, true)
         return Recording(self.name, log, sealed, seed)
 
     def scattered(self, rng: np.random.Generator) -> Truth:
@@ -186,11 +184,10 @@ def _added(drive: Drive) -> float:
     return 0.0 if drive.inside else drive.rotor or 0.0
 
 
-def _timing(truth: Truth, layout: Layout, tree: Tree, cad: Mapping[str, float]) -> Timing:
+def _timing(truth: Truth, layout: Layout, true: pin.Model, cad: Mapping[str, float]) -> Timing:
     period = 1.0 / truth.control_rate
     if truth.substeps:
         return Timing(period, 1, truth.substeps)
-    guess = tables(truth, layout, tree, Timing(period, 1, 4), cad)
-    inverse = np.asarray(np.linalg.inv(inertia_at(tree, layout.home)), dtype=np.float64)
-    needed = int(np.ceil(stiffest(guess, inverse) * period / 0.2))
+    guess = tables(truth, layout, true, Timing(period, 1, 4), cad)
+    needed = int(np.ceil(stiffest(guess, inertia_at(true, layout.home)) * period / 0.2))
     return Timing(period, 1, int(np.clip(needed, 4, 100)))

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.axis_truth import AxisTruth, Bend, Friction
-from pinotwin.virtual.mass import inertia_at
-from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.structs import Axes
+from pinotwin.virtual.tree import inertia_at
 from pinotwin.virtual.truth import Passive, Truth
 
 _LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS, "elastoplastic": c.ELASTOPLASTIC}
@@ -21,12 +21,10 @@ _LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS, "elastoplastic": c.ELAS
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the names of a machine sit in its tree."""
+    """Where the names of a machine sit in its true model; joints counted from 0."""
 
     axes: tuple[str, ...]  # axis names in order
     drive: Mapping[str, int]  # axis -> joint that the motor drives
-    # joint name -> joint whose body carries the URDF link (behind a bend, if there is one)
-    body: Mapping[str, int]
     passive: Mapping[str, int]  # passive joint -> its index
     bend: Mapping[str, int]  # axis -> index of its hidden joint
     home: Floats  # position at which frequencies are stated, shape (nv,)
@@ -138,17 +136,9 @@ def _spring_row(spec: Passive | Bend, inertia: float) -> tuple[float, ...]:
     return (k, d, spec.hardening, spec.hysteresis, max(slip, 1e-12))
 
 
-def tables(truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mapping[str, float]) -> Axes:
-    """Return the kernel's tables of a machine.
-
-    Args:
-        truth: resolved truth.
-        layout: where things sit in the tree.
-        tree: the true tree.
-        timing: rates.
-        cad: CAD inertia per axis, for the feed-forward [kg or kg·m²].
-    """
-    M = np.diag(inertia_at(tree, layout.home))
+def tables(truth: Truth, layout: Layout, true: pin.Model, timing: Timing, cad: Mapping[str, float]) -> Axes:
+    """Return the kernel's tables of a machine; ``cad`` is what the feed-forward knows of inertia [kg or kg·m²]."""
+    M = np.diag(inertia_at(true, layout.home))
     specs = [truth.axes[name] for name in layout.axes]
     P = np.zeros((len(specs), c.N_COLUMNS))
     for row, name, axis in zip(P, layout.axes, specs, strict=True):
@@ -175,18 +165,14 @@ def tables(truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mappin
     )
 
 
-def stiffest(axes: Axes, inverse: Floats) -> float:
-    """Return the highest angular frequency in the plant [rad/s].
-
-    Args:
-        axes: the kernel's tables.
-        inverse: inverse mass matrix at home, shape (nv, nv).
-    """
+def stiffest(axes: Axes, M: Floats) -> float:
+    """Return the highest angular frequency in the plant [rad/s]; ``M`` is the mass matrix at home, (nv, nv)."""
+    light = np.diag(np.linalg.inv(M))
     squares = [0.0]
-    for P, j in zip(axes.P, axes.joint, strict=True):
-        light = P[c.INV_ROTOR] if P[c.FLEXIBLE] > 0.5 else inverse[j, j]
-        squares.append(P[c.BRISTLE] * light if P[c.LAW] != c.NONE else 0.0)
-        squares.append(P[c.SPRING] * (P[c.INV_ROTOR] + inverse[j, j]))
-    for S, j in zip(axes.springs, axes.sprung, strict=True):
-        squares.append((S[c.STIFFNESS] + S[c.SLIP_STIFFNESS]) * inverse[j, j])
+    for P, mobile in zip(axes.P, light[axes.joint], strict=True):
+        motor = P[c.INV_ROTOR] if P[c.FLEXIBLE] > 0.5 else mobile
+        squares.append(P[c.BRISTLE] * motor if P[c.LAW] != c.NONE else 0.0)
+        squares.append(P[c.SPRING] * (P[c.INV_ROTOR] + mobile))
+    for S, mobile in zip(axes.springs, light[axes.sprung], strict=True):
+        squares.append((S[c.STIFFNESS] + S[c.SLIP_STIFFNESS]) * mobile)
     return float(np.sqrt(max(squares)))

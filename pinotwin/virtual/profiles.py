@@ -79,13 +79,9 @@ def move_time(distance: float, limits: Limited) -> float:
 def move_pieces(
     start: float, distance: float, limits: Limited, stretch: float = 1.0
 ) -> list[tuple[float, float]]:
-    """Return the move as (start time, jerk) of its pieces, the last one at rest.
+    """Return (start time [s], jerk) of the pieces of a move over a distance [m or rad]; the last one is rest.
 
-    Args:
-        start: when it starts [s].
-        distance: signed length [m or rad].
-        limits: speed, acceleration, jerk.
-        stretch: slow-down factor (>= 1): speed, acceleration and jerk fall by its powers 1, 2, 3.
+    ``stretch`` >= 1 slows it down: speed, acceleration and jerk fall by its powers 1, 2, 3.
     """
     ramp, hold, cruise = phases(abs(distance), limits)
     # Where the distance ends inside a phase, the jerk that covers it exactly in these durations.
@@ -97,12 +93,7 @@ def move_pieces(
 
 
 def chain(home: float, moves: list[tuple[list[tuple[float, float]], float]]) -> PPoly:
-    """Return the command that makes the moves one after another, starting at rest at ``home``.
-
-    Args:
-        home: first position [m or rad].
-        moves: pieces of each move (:func:`move_pieces`) and the position that it ends at.
-    """
+    """Return the command that starts at rest at ``home`` and makes moves: their pieces, and where each ends."""
     starts, rows = [0.0], [(0.0, 0.0, 0.0, home)]
     for pieces, target in moves:
         times = [t for t, _ in pieces]

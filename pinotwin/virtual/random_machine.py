@@ -39,12 +39,7 @@ class Part:
 
 
 def write_random_machine(folder: Path, seed: int) -> Path:
-    """Write the machine folder of a seed and return it.
-
-    Args:
-        folder: where; made if it does not exist.
-        seed: of everything about the machine.
-    """
+    """Write the machine folder of a seed, which decides everything about it, and return it."""
     rng = np.random.default_rng([seed, 2029])
     name = f"random_{seed}"
     parts = _parts(rng)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import pinocchio as pin
+
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
-from pinotwin.virtual.rigid import Tree
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,7 @@ class SealedTruth:
     axes: tuple[str, ...]  # names of the columns of u, friction
     u: Floats  # true motor efforts at the same times, shape (m, na)
     friction: Floats  # true friction efforts, shape (m, na)
-    tree: Tree  # the true rigid bodies
-    # link -> (index of its joint, rotation, offset in the joint frame)
-    links: Mapping[str, tuple[int, Floats, Floats]]
+    model: pin.Model  # the true rigid bodies and links
 
     def joint(self, name: str) -> tuple[Floats, Floats, Floats]:
         """Return true position, velocity and acceleration of a joint, each of shape (m,)."""

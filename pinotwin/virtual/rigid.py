@@ -1,12 +1,12 @@
-"""Rigid-body dynamics of the virtual machines, compiled, for any tree of joints of one degree of freedom.
+"""Rigid-body dynamics of the virtual machines inside the compiled loop.
 
     M(q) a + h(q, v) = tau + J^T f_ext
 
 ``h`` by recursive Newton-Euler and ``M`` by composite rigid bodies (Featherstone 2008,
-doi:10.1007/978-1-4899-7560-7, chapters 5 and 6), in body coordinates, every inertia about the joint's
-origin. A call of Pinocchio from Python costs twice what a whole control period takes here (3.8 against
-1.8 microseconds on three axes); the tests hold both equal. Nothing is shared with the identification.
-Vectors are tuples, so that no function makes an array.
+doi:10.1007/978-1-4899-7560-7, chapters 5 and 6), all of it in world axes about the world's origin, where
+forces and inertias of bodies simply add. Pinocchio does the same work in the same time, but to leave the
+loop and come back once a control period makes it three times as long (docs/architecture.md); the tests hold
+both equal. Vectors are tuples, so that no function makes an array.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pinotwin.virtual.jit import kernel
 
 
 class Tree(NamedTuple):
-    """A tree of joints; joint ``i`` has its parent before it."""
+    """The arrays of a model that the loop reads; joint ``i`` has its parent before it."""
 
     parent: Ints  # index of the parent joint, -1 for the ground, shape (nv,)
     rotary: Ints  # 1 for a rotation, 0 for a translation, shape (nv,)
@@ -35,25 +35,29 @@ class Tree(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Room for the results of one evaluation."""
+    """Room for one evaluation, about the world's origin in world axes; the last row is the ground."""
 
-    E: Floats  # rotation of every body in its parent, shape (nv, 3, 3)
-    r: Floats  # its origin there [m], (nv, 3)
-    R: Floats  # rotation of every body in the world, shape (nv, 3, 3)
-    w: Floats  # angular velocity, body axes [rad/s], shape (nv, 3)
-    dw: Floats  # its derivative [rad/s²]
-    a: Floats  # acceleration of the origin, body axes, gravity included [m/s²], shape (nv, 3)
-    f: Floats  # force on every body [N], shape (nv, 3)
-    n: Floats  # moment about its origin [N·m]
-    cm: Floats  # mass of everything that a joint carries [kg], shape (nv,)
-    ch: Floats  # its first moment, (nv, 3)
-    cI: Floats  # its inertia [kg·m²], shape (nv, 3, 3)
+    R: Floats  # rotation of every body, shape (nv + 1, 3, 3)
+    p: Floats  # its joint's origin [m], shape (nv + 1, 3)
+    slide: Floats  # linear part of the joint's axis as a twist, shape (nv + 1, 3)
+    turn: Floats  # angular part
+    v: Floats  # velocity of the body's point at the world's origin [m/s]
+    w: Floats  # angular velocity [rad/s]
+    dv: Floats  # derivatives of both without joint accelerations, gravity included [m/s²]
+    dw: Floats  # [rad/s²]
+    f: Floats  # force on the body [N]
+    n: Floats  # moment [N·m]
+    m: Floats  # mass, in the end of everything that a joint carries [kg], shape (nv + 1,)
+    h: Floats  # first moment [kg·m], shape (nv + 1, 3)
+    I: Floats  # inertia [kg·m²], shape (nv + 1, 3, 3)
 
 
-def empty_pose(nv: int) -> Pose:
-    """Return room for a tree of ``nv`` joints."""
-    shapes = {"E": (nv, 3, 3), "R": (nv, 3, 3), "cI": (nv, 3, 3), "cm": (nv,)}
-    return Pose(*(np.zeros(shapes.get(name, (nv, 3))) for name in Pose._fields))
+def empty_pose(tree: Tree) -> Pose:
+    """Return room for an evaluation of a tree."""
+    rows, shapes = len(tree.mass) + 1, {"R": (3, 3), "I": (3, 3), "m": ()}
+    pose = Pose(*(np.zeros((rows, *shapes.get(name, (3,)))) for name in Pose._fields))
+    pose.R[-1], pose.dv[-1] = np.eye(3), -tree.gravity
+    return pose
 
 
 @kernel
@@ -93,115 +97,132 @@ def cross(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def out_of(E, i, a):  # type: ignore[no-untyped-def]
-    """Return E[i] a: a vector of a body in the axes of its parent."""
+def product(E, i, a):  # type: ignore[no-untyped-def]
+    """Return E[i] a, of matrices (n, 3, 3)."""
     return dot(row(E[i], 0), a), dot(row(E[i], 1), a), dot(row(E[i], 2), a)
 
 
 @kernel
-def into(E, i, a):  # type: ignore[no-untyped-def]
-    """Return E[i]^T a: a vector of the parent in the axes of a body."""
-    return plus(plus(times(a[0], row(E[i], 0)), times(a[1], row(E[i], 1))), times(a[2], row(E[i], 2)))
-
-
-@kernel
-def along(tree, i, f, n):  # type: ignore[no-untyped-def]
+def along(pose, i, f, n):  # type: ignore[no-untyped-def]
     """Return the part of a force and a moment that joint ``i`` has to give."""
-    return dot(row(tree.axis, i), n) if tree.rotary[i] == 1 else dot(row(tree.axis, i), f)
-
-
-@kernel
-def handed_on(pose, i, f, n):  # type: ignore[no-untyped-def]
-    """Return force and moment of a body as its parent feels them."""
-    g = out_of(pose.E, i, f)
-    return g, plus(out_of(pose.E, i, n), cross(row(pose.r, i), g))
+    return dot(row(pose.slide, i), f) + dot(row(pose.turn, i), n)
 
 
 @kernel
 def place(tree, q, pose):  # type: ignore[no-untyped-def]
-    """Fill ``pose.E`` and ``pose.r`` for the positions ``q``, shape (nv,)."""
-    P, E = tree.placement, pose.E
+    """Place every body, its joint's axis and its inertia for the positions ``q``, shape (nv,)."""
+    R, p = pose.R, pose.p
     for i in range(len(q)):
-        x, y, z = row(tree.axis, i)
-        c, s, slide = 1.0, 0.0, q[i]
-        if tree.rotary[i] == 1:
-            c, s, slide = np.cos(q[i]), np.sin(q[i]), 0.0
-        d = 1.0 - c
-        for k in range(3):
-            p = row(P[i], k)
-            E[i, k, 0] = dot(p, (c + d * x * x, d * x * y + s * z, d * x * z - s * y))
-            E[i, k, 1] = dot(p, (d * x * y - s * z, c + d * y * y, d * y * z + s * x))
-            E[i, k, 2] = dot(p, (d * x * z + s * y, d * y * z - s * x, c + d * z * z))
-            pose.r[i, k] = tree.offset[i, k] + dot(p, (x, y, z)) * slide
-
-
-@kernel
-def place_in_world(tree, pose):  # type: ignore[no-untyped-def]
-    """Fill ``pose.R`` from ``pose.E``."""
-    E, R = pose.E, pose.R
-    for i in range(len(tree.parent)):
         j = tree.parent[i]
-        for k in range(3):
-            at = E[i, 0, k], E[i, 1, k], E[i, 2, k]
-            R[i, 0, k], R[i, 1, k], R[i, 2, k] = at if j < 0 else out_of(R, j, at)
-
-
-@kernel
-def move(tree, v, acc, pose):  # type: ignore[no-untyped-def]
-    """Fill velocities and accelerations of the bodies; gravity enters as -g at the base."""
-    E, g = pose.E, tree.gravity
-    for i in range(len(v)):
-        j, s = tree.parent[i], row(tree.axis, i)
-        w = dw = (0.0, 0.0, 0.0)
-        a = (-g[0], -g[1], -g[2])
-        if j >= 0:
-            w, dw, r = row(pose.w, j), row(pose.dw, j), row(pose.r, i)
-            a = plus(row(pose.a, j), plus(cross(dw, r), cross(w, cross(w, r))))
-        w, dw, a = into(E, i, w), into(E, i, dw), into(E, i, a)
+        x, y, z = row(tree.axis, i)
+        c, s, way = 1.0, 0.0, q[i]
         if tree.rotary[i] == 1:
-            dw = plus(dw, plus(times(v[i], cross(w, s)), times(acc[i], s)))
-            w = plus(w, times(v[i], s))
+            c, s, way = np.cos(q[i]), np.sin(q[i]), 0.0
+        d = 1.0 - c
+        columns = (
+            (c + d * x * x, d * x * y + s * z, d * x * z - s * y),
+            (d * x * y - s * z, c + d * y * y, d * y * z + s * x),
+            (d * x * z + s * y, d * y * z - s * x, c + d * z * z),
+        )
+        for k in range(3):
+            R[i, 0, k], R[i, 1, k], R[i, 2, k] = product(R, j, product(tree.placement, i, columns[k]))
+        axis = product(R, j, product(tree.placement, i, (x, y, z)))
+        put(p, i, plus(row(p, j), plus(product(R, j, row(tree.offset, i)), times(way, axis))))
+        if tree.rotary[i] == 1:
+            put(pose.slide, i, cross(row(p, i), axis))
+            put(pose.turn, i, axis)
         else:
-            a = plus(a, plus(times(2.0 * v[i], cross(w, s)), times(acc[i], s)))
-        put(pose.w, i, w)
-        put(pose.dw, i, dw)
-        put(pose.a, i, a)
+            put(pose.slide, i, axis)
+        weigh(tree, i, pose)
 
 
 @kernel
-def body_forces(tree, pose):  # type: ignore[no-untyped-def]
-    """Fill ``pose.f`` and ``pose.n`` with what the motion of each body asks for."""
-    for i in range(len(tree.mass)):
-        h, w, dw, a = row(tree.moment, i), row(pose.w, i), row(pose.dw, i), row(pose.a, i)
-        put(pose.f, i, plus(times(tree.mass[i], a), plus(cross(dw, h), cross(w, cross(w, h)))))
-        spin = cross(w, out_of(tree.inertia, i, w))
-        put(pose.n, i, plus(out_of(tree.inertia, i, dw), plus(spin, cross(h, a))))
+def weigh(tree, i, pose):  # type: ignore[no-untyped-def]
+    """Fill mass, first moment and inertia of body ``i`` about the world's origin."""
+    m, R, r = tree.mass[i], pose.R, row(pose.p, i)
+    h = product(R, i, row(tree.moment, i))
+    whole = plus(h, times(m, r))
+    pose.m[i] = m
+    put(pose.h, i, whole)
+    for k in range(3):
+        # Row k of R I R^T, and by parallel axes of r.(2 h + m r) 1 - r (h + m r)^T - h r^T.
+        own = product(R, i, product(tree.inertia, i, row(R[i], k)))
+        put(pose.I[i], k, plus(own, plus(times(-r[k], whole), times(-h[k], r))))
+        pose.I[i, k, k] += dot(r, plus(h, whole))
+
+
+@kernel
+def move(tree, v, pose):  # type: ignore[no-untyped-def]
+    """Fill what the speeds ``v``, shape (nv,), and gravity ask of every body; needs :func:`place`."""
+    I = pose.I
+    for i in range(len(v)):
+        j, m, h = tree.parent[i], pose.m[i], row(pose.h, i)
+        slide, turn = times(v[i], row(pose.slide, i)), times(v[i], row(pose.turn, i))
+        u, w = row(pose.v, j), row(pose.w, j)
+        du = plus(row(pose.dv, j), plus(cross(w, slide), cross(u, turn)))
+        dw = plus(row(pose.dw, j), cross(w, turn))
+        u, w = plus(u, slide), plus(w, turn)
+        put(pose.v, i, u)
+        put(pose.w, i, w)
+        put(pose.dv, i, du)
+        put(pose.dw, i, dw)
+        linear = plus(times(m, u), cross(w, h))  # momentum
+        angular = plus(product(I, i, w), cross(h, u))
+        put(pose.f, i, plus(plus(times(m, du), cross(dw, h)), cross(w, linear)))
+        rate = plus(cross(w, angular), cross(u, linear))
+        put(pose.n, i, plus(plus(product(I, i, dw), cross(h, du)), rate))
 
 
 @kernel
 def apply_load(pose, body, point, load):  # type: ignore[no-untyped-def]
-    """Subtract an external load from one body; needs ``pose.R``.
-
-    Args:
-        pose: the evaluation.
-        body: index of the body.
-        point: where the load acts, body axes [m], shape (3,).
-        load: force and moment in world axes [N, N·m], shape (6,).
-    """
-    f = into(pose.R, body, (-load[0], -load[1], -load[2]))
-    n = into(pose.R, body, (-load[3], -load[4], -load[5]))
+    """Subtract from a body a load in world axes [N, N·m], shape (6,), at a point in body axes [m]; after move."""
+    f, n = (-load[0], -load[1], -load[2]), (-load[3], -load[4], -load[5])
+    at = plus(row(pose.p, body), product(pose.R, body, (point[0], point[1], point[2])))
     put(pose.f, body, plus(row(pose.f, body), f))
-    put(pose.n, body, plus(row(pose.n, body), plus(n, cross((point[0], point[1], point[2]), f))))
+    put(pose.n, body, plus(row(pose.n, body), plus(n, cross(at, f))))
 
 
 @kernel
-def joint_efforts(tree, pose, tau):  # type: ignore[no-untyped-def]
-    """Fold the body forces towards the ground; fills ``tau``, shape (nv,), armature left out."""
-    for i in range(len(tree.parent) - 1, -1, -1):
+def fold(tree, pose, tau, M):  # type: ignore[no-untyped-def]
+    """Fill the joint efforts (nv,), without the armature's, and the mass matrix (nv, nv) with it."""
+    I = pose.I
+    for i in range(len(M) - 1, -1, -1):
+        j, m, h = tree.parent[i], pose.m[i], row(pose.h, i)
         f, n = row(pose.f, i), row(pose.n, i)
-        tau[i] = along(tree, i, f, n)
-        j = tree.parent[i]
+        tau[i] = along(pose, i, f, n)
         if j >= 0:
-            f, n = handed_on(pose, i, f, n)
             put(pose.f, j, plus(row(pose.f, j), f))
             put(pose.n, j, plus(row(pose.n, j), n))
+            put(pose.h, j, plus(row(pose.h, j), h))
+            pose.m[j] += m
+            for k in range(3):
+                put(I[j], k, plus(row(I[j], k), row(I[i], k)))
+        slide, turn = row(pose.slide, i), row(pose.turn, i)
+        f, n = plus(times(m, slide), cross(turn, h)), plus(product(I, i, turn), cross(h, slide))
+        for k in range(i):
+            M[i, k] = M[k, i] = 0.0
+        k = i
+        while k >= 0:
+            M[i, k] = M[k, i] = along(pose, k, f, n)
+            k = tree.parent[k]
+        M[i, i] += tree.armature[i]
+
+
+@kernel
+def invert(M, inverse):  # type: ignore[no-untyped-def]
+    """Fill ``inverse`` with M^-1 by Gauss and Jordan; no pivots are needed, M is positive definite."""
+    nv = len(M)
+    for i in range(nv):
+        for j in range(nv):
+            inverse[i, j] = M[i, j]
+    for k in range(nv):
+        pivot = 1.0 / inverse[k, k]
+        inverse[k, k] = 1.0
+        for j in range(nv):
+            inverse[k, j] *= pivot
+        for i in range(nv):
+            if i != k:
+                factor = inverse[i, k]
+                inverse[i, k] = 0.0
+                for j in range(nv):
+                    inverse[i, j] -= factor * inverse[k, j]

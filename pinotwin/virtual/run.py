@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
 from pinotwin.virtual.kernel import position_effort
-from pinotwin.virtual.mass import gravity_at
 from pinotwin.virtual.rigid import Tree, empty_pose
 from pinotwin.virtual.sensors import measured_effort
 from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
 from pinotwin.virtual.trajectories import Trajectory
+from pinotwin.virtual.tree import gravity_at, links_of
 from pinotwin.virtual.truth import Pulse, Truth
-
-Links = Mapping[str, tuple[int, Floats, Floats]]
-"""Link -> index of its joint, rotation and offset in the joint frame."""
 
 
 def decimation(control: float, rate: float, what: str) -> int:
-    """Return the control periods per sample of a slower rate [Hz].
-
-    Raises:
-        MachineError: the rate does not divide the control rate.
-    """
+    """Return the control periods a sample of a slower rate [Hz], which must divide the control rate."""
     every = round(control / rate)
     if every < 1 or abs(control / rate - every) > 1e-9:
         raise MachineError(f"{what} {rate} Hz does not divide the control rate {control} Hz")
@@ -36,7 +30,7 @@ def decimation(control: float, rate: float, what: str) -> int:
 
 def drive_of(
     truth: Truth,
-    links: Links,
+    true: pin.Model,
     trajectory: Trajectory,
     loads: Sequence[Pulse],
     n: int,
@@ -50,18 +44,18 @@ def drive_of(
         encoder = rng.standard_normal((n, len(specs))) * [a.encoder.noise or 0.0 for a in specs]
         if any(a.friction.chatter > 0.0 for a in specs):
             chatter = rng.standard_normal((n, len(specs)))
-    return Drive(qr, vr, ar, encoder, chatter, *load_arrays(links, loads, t + 0.5 / truth.control_rate))
+    return Drive(qr, vr, ar, encoder, chatter, *load_arrays(true, loads, t + 0.5 / truth.control_rate))
 
 
-def load_arrays(links: Links, loads: Sequence[Pulse], t: Floats) -> tuple[np.ndarray, Floats, Floats]:
+def load_arrays(true: pin.Model, loads: Sequence[Pulse], t: Floats) -> tuple[Ints, Floats, Floats]:
     """Return bodies, points and world-axes loads at times ``t``: shapes (k,), (k, 3), (n, k, 6)."""
-    names = sorted({p.link for p in loads})
+    links, names = links_of(true), sorted({p.link for p in loads})
     body = np.zeros(len(names), dtype=np.intp)
     point, load = np.zeros((len(names), 3)), np.zeros((len(t), len(names), 6))
     for k, link in enumerate(names):
         if link not in links:
             raise MachineError(f"external load: no link {link!r}; {nearest(link, links)}")
-        body[k], _, point[k] = links[link]
+        body[k], point[k] = links[link].parentJoint - 1, links[link].placement.translation
         for pulse in loads:
             if pulse.link == link:
                 phase = np.clip((t - pulse.time) / pulse.duration, 0.0, 1.0)
@@ -69,17 +63,17 @@ def load_arrays(links: Links, loads: Sequence[Pulse], t: Floats) -> tuple[np.nda
     return body, point, load
 
 
-def equilibrium(tree: Tree, axes: Axes, command: Floats) -> State:
+def equilibrium(true: pin.Model, axes: Axes, command: Floats) -> State:
     """Return the state at rest at a command (na,), springs and integral parts loaded.
 
     The motors hold gravity, ripple and tables; friction is not loaded. (Motors that held gravity alone
     would let the axes jump into their bristles at the first instant.)
     """
-    nv, na, P, joint = len(tree.mass), len(axes.joint), axes.P, axes.joint
+    nv, na, P, joint = true.nv, len(axes.joint), axes.P, axes.joint
     q = np.zeros(nv)
     q[joint] = command
     for _ in range(51 if len(axes.sprung) else 1):
-        hold = gravity_at(tree, q)
+        hold = gravity_at(true, q)
         q[axes.sprung] = -hold[axes.sprung] / axes.springs[:, c.STIFFNESS]
     u = hold[joint]
     for i in range(na):
@@ -112,10 +106,11 @@ def empty_record(every: int, rows: int, na: int, nv: int) -> Record:
     return Record(every, *(np.zeros((rows, k)) for k in (na, na, na, nv, nv, nv)))
 
 
-def empty_room(nv: int) -> Room:
-    """Return scratch arrays for a tree of ``nv`` joints."""
+def empty_room(tree: Tree) -> Room:
+    """Return scratch arrays for a tree."""
+    nv = len(tree.mass)
     shapes = {"M": (nv, nv), "inverse": (nv, nv), "extra": (2, nv)}
-    return Room(empty_pose(nv), *(np.zeros(shapes.get(name, (nv,))) for name in Room._fields[1:]))
+    return Room(empty_pose(tree), *(np.zeros(shapes.get(name, (nv,))) for name in Room._fields[1:]))
 
 
 def log_of(
@@ -131,9 +126,9 @@ def log_of(
     return log
 
 
-def load_channels(links: Links, loads: Sequence[Pulse], t: Floats) -> dict[str, Floats]:
+def load_channels(true: pin.Model, loads: Sequence[Pulse], t: Floats) -> dict[str, Floats]:
     """Return the channels of the links of which a load is logged."""
     logged = {p.link for p in loads if p.logged}
-    load = load_arrays(links, [p for p in loads if p.link in logged], t)[2]
+    load = load_arrays(true, [p for p in loads if p.link in logged], t)[2]
     parts = ("fx", "fy", "fz", "mx", "my", "mz")
     return {f"{n}.{x}": load[:, k, m] for k, n in enumerate(sorted(logged)) for m, x in enumerate(parts)}

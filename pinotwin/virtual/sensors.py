@@ -12,15 +12,7 @@ from pinotwin.virtual.axis_truth import EffortSensor
 def measured_effort(
     t: Floats, u: Floats, sensor: EffortSensor, rate: float, rng: np.random.Generator | None
 ) -> Floats:
-    """Return the effort as logged, shape (n,).
-
-    Args:
-        t: times of the log [s], shape (n,).
-        u: true effort at those times, shape (n,).
-        sensor: what the sensor does.
-        rate: log rate [Hz].
-        rng: source of the noise; None for no noise and no quantisation.
-    """
+    """Return the effort as logged at ``rate`` [Hz], shape (n,); without ``rng`` no noise and no quantisation."""
     out = sensor.scale * (np.interp(t - sensor.lag, t, u) if sensor.lag else u)
     if rng is None:
         return np.array(out)

@@ -62,7 +62,6 @@ class Room(NamedTuple):
     tau: Floats
     qh: Floats
     vh: Floats
-    still: Floats
     extra: Floats
     target: Floats
 

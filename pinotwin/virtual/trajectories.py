@@ -115,14 +115,7 @@ def _targets(
 
 
 def multisine(machine: HasLimits, seconds: float, seed: int, lines: int = 14) -> Trajectory:
-    """Return a sum of sines of 0.2 to 15 Hz on every axis within its limits.
-
-    Args:
-        machine: whose axes and limits.
-        seconds: length [s].
-        seed: of the phases; the lines of different axes are interleaved.
-        lines: sines per axis.
-    """
+    """Return sines of 0.2 to 15 Hz for some seconds [s] on every axis within its limits, interleaved."""
     rng = np.random.default_rng(seed)
     names = list(machine.limits)
     grid = np.geomspace(0.2, 15.0, lines * len(names))
@@ -150,14 +143,9 @@ def slow_reversals(
     speed: float = 0.02,
     repeats: int = 3,
 ) -> Trajectory:
-    """Return back-and-forth moves of one axis, slow and of growing stroke: presliding and backlash.
+    """Return slow back-and-forth moves of one axis, of growing stroke: presliding and backlash.
 
-    Args:
-        machine: whose axes and limits.
-        axis: the axis that moves.
-        strokes: strokes as shares of the travel.
-        speed: share of the speed limit.
-        repeats: reversals per stroke.
+    ``strokes`` are shares of the travel [-], ``speed`` one of the speed limit [-].
     """
     low, high = _travel(machine.limits[axis])
     v, a, j = _triple(machine.limits[axis])
@@ -173,13 +161,7 @@ def constant_speeds(
     *,
     shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8),
 ) -> Trajectory:
-    """Return runs of one axis at constant speeds, two decades, both ways: viscous, Stribeck, drag.
-
-    Args:
-        machine: whose axes and limits.
-        axis: the axis that moves.
-        shares: speeds as shares of the speed limit.
-    """
+    """Return runs of one axis at constant speeds, shares of its limit [-]: viscous, Stribeck, drag."""
     low, high = _travel(machine.limits[axis])
     v, a, j = _triple(machine.limits[axis])
     plan, limits = [], []

@@ -1,4 +1,4 @@
-"""From a URDF to a :class:`~pinotwin.virtual.rigid.Tree`, and what the truth does to it.
+"""From a URDF to the model of the true machine, and to the arrays that the compiled loop reads.
 
 The shipped URDF is what CAD believes. The simulated truth moves every mass, centre of mass and
 inertia by a pseudo-inertia congruence ``J -> A J A^T`` (Wensing et al. 2018,
@@ -7,26 +7,21 @@ doi:10.1109/LRA.2017.2729659): any regular ``A`` keeps a body physically possibl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual.rigid import Tree
 
 
 def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
-    """Return the Pinocchio model of a URDF with every joint not in ``joints`` locked at zero.
+    """Return the model of a URDF (path or XML text) with every joint not in ``joints`` locked at zero.
 
-    Args:
-        urdf: path of the file, or the XML text itself.
-        joints: names of the joints that move.
-
-    Raises:
-        MachineError: the file cannot be read, or a joint does not exist.
+    A file that cannot be read, or a joint that does not exist, is a :class:`MachineError`.
     """
     text = str(urdf)
     inline = text.lstrip().startswith("<")
@@ -43,103 +38,100 @@ def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
     return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
 
-def tree_of(model: pin.Model) -> Tree:
-    """Return the tree of a model whose joints all have one degree of freedom."""
-    nv = model.nv
-    if model.njoints - 1 != nv:
+def axes_of(model: pin.Model) -> tuple[Ints, Floats]:
+    """Return of every joint whether it turns, (nv,), and its unit axis in its own frame, (nv, 3)."""
+    if model.njoints - 1 != model.nv:
         raise MachineError(f"{model.name}: virtual machines need joints of one degree of freedom")
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    rotary = np.zeros(nv, dtype=np.intp)
-    axis, placement, offset, moment = (np.zeros((nv, *s)) for s in ((3,), (3, 3), (3,), (3,)))
-    mass, inertia = np.zeros(nv), np.zeros((nv, 3, 3))
-    for i in range(nv):
-        column = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[i + 1]]
-        rotary[i] = int(np.linalg.norm(column[3:]) > 0.5)
-        axis[i] = column[3:] if rotary[i] else column[:3]
-        placement[i] = model.jointPlacements[i + 1].rotation
-        offset[i] = model.jointPlacements[i + 1].translation
-        body = model.inertias[i + 1]
-        mass[i], moment[i] = body.mass, body.mass * body.lever
-        inertia[i] = about_origin(body.mass, body.lever, body.inertia)
-    parent = np.array([p - 1 for p in list(model.parents)[1:]], dtype=np.intp)
-    gravity = np.array(model.gravity.linear)
-    armature = np.zeros(nv)
-    return Tree(parent, rotary, axis, placement, offset, mass, moment, inertia, armature, gravity)
+    data, still = model.createData(), pin.neutral(model)
+    full = [pin.computeJointJacobian(model, data, still, i).reshape(6, -1) for i in range(1, model.njoints)]
+    own = np.array([J[:, k] for J, k in zip(full, list(model.idx_vs)[1:], strict=True)]).reshape(-1, 6)
+    rotary = np.linalg.norm(own[:, 3:], axis=1) > 0.5
+    return rotary.astype(np.intp), np.where(rotary[:, None], own[:, 3:], own[:, :3])
 
 
-def about_origin(mass: float, centre: Floats, inertia: Floats) -> Floats:
-    """Return the inertia about the origin from that about the centre of mass, shape (3, 3)."""
-    c = np.asarray(centre)
-    return np.asarray(inertia) + mass * (c @ c * np.eye(3) - np.outer(c, c))
-
-
-def _pseudo(mass: float, moment: Floats, inertia: Floats) -> Floats:
-    J = np.empty((4, 4))
-    J[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    J[:3, 3] = J[3, :3] = moment
-    J[3, 3] = mass
-    return J
-
-
-def perturbed(tree: Tree, spread: tuple[float, float], rng: np.random.Generator) -> Tree:
-    """Return the tree with inertials that are off by ``spread``, each body still possible.
+def assembled(
+    model: pin.Model,
+    bodies: Sequence[pin.Inertia],
+    tilts: Mapping[str, Sequence[float]] | None = None,
+    bends: Mapping[str, float] | None = None,
+) -> pin.Model:
+    """Return the model with other bodies, tilted and bending joints, and one coordinate for each joint.
 
     Args:
-        tree: what CAD believes.
-        spread: smallest and largest relative error of mass and of each gyration axis [-].
-        rng: source of the errors.
+        model: what CAD believes.
+        bodies: inertia of every moving body.
+        tilts: joint -> small angles [rad] by which its frame is turned about its own axes.
+        bends: joint -> share of its body [-] that, with all that the body carries, moves on a second joint
+            of the same axis, ``<joint>~``; the rest stays with the drive and its encoder (a carriage that
+            bends).
     """
-    mass, moment, inertia = tree.mass.copy(), tree.moment.copy(), tree.inertia.copy()
-    for i in range(len(mass)):
+    out = pin.Model()
+    out.name, out.gravity = model.name, model.gravity
+    carrier = [0]  # joint that carries what each joint of the model carried
+    for i, (turns, axis) in enumerate(zip(*axes_of(model), strict=True), 1):
+        name, body = model.names[i], bodies[i - 1]
+        kind = (pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned)(*axis)
+        tilt = pin.SE3(pin.exp3(np.array((tilts or {}).get(name, (0.0, 0.0, 0.0)))), np.zeros(3))
+        share = (bends or {}).get(name, 0.0)
+        joint = out.addJoint(carrier[model.parents[i]], kind, model.jointPlacements[i] * tilt, name)
+        out.inertias[joint] = _part(body, 1.0 - share)
+        if name in (bends or {}):
+            joint = out.addJoint(joint, kind, pin.SE3.Identity(), f"{name}~")
+            out.inertias[joint] = _part(body, share)
+        carrier.append(joint)
+    for name, frame in links_of(model).items():
+        out.addFrame(pin.Frame(name, carrier[frame.parentJoint], frame.placement, pin.FrameType.BODY))
+    return out
+
+
+def _part(body: pin.Inertia, share: float) -> pin.Inertia:
+    return pin.Inertia(share * body.mass, body.lever, share * body.inertia)
+
+
+def links_of(model: pin.Model) -> dict[str, pin.Frame]:
+    """Return the moving links of a model by name."""
+    return {f.name: f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0}
+
+
+def tree_of(model: pin.Model) -> Tree:
+    """Return the arrays that the compiled loop reads of a model."""
+    bodies, placements = list(model.inertias)[1:], list(model.jointPlacements)[1:]
+    return Tree(
+        np.array([p - 1 for p in list(model.parents)[1:]], dtype=np.intp),
+        *axes_of(model),
+        np.array([place.rotation for place in placements]),
+        np.array([place.translation for place in placements]),
+        np.array([body.mass for body in bodies]),
+        np.array([body.mass * body.lever for body in bodies]),
+        np.array([body.matrix()[3:, 3:] for body in bodies]),
+        np.array(model.armature),
+        np.array(model.gravity.linear),
+    )
+
+
+def inertia_at(model: pin.Model, q: Floats) -> Floats:
+    """Return the mass matrix at a position, shape (nv, nv)."""
+    return np.array(pin.crba(model, model.createData(), q))
+
+
+def gravity_at(model: pin.Model, q: Floats) -> Floats:
+    """Return the efforts that hold the machine still, shape (nv,)."""
+    return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+
+
+def perturbed(model: pin.Model, spread: tuple[float, float], rng: np.random.Generator) -> list[pin.Inertia]:
+    """Return possible bodies; mass and gyration axes are off by the smallest to largest of ``spread`` [-]."""
+    out = []
+    for body in list(model.inertias)[1:]:
         size = rng.uniform(*spread, 4)
         A = np.eye(4)
         # Half of the relative error each: a second moment scales with the square of a length.
         A[:3, :3] += np.diag(rng.choice((-0.25, 0.25), 3) * size[:3])
         A[:3, :3] += np.triu(rng.normal(0.0, 0.02, (3, 3)), 1) * (spread[1] > 0)
-        if mass[i] > 0.0:
-            gyration = np.sqrt(max(np.trace(tree.inertia[i]) / (2.0 * mass[i]), 0.0))
+        J = body.toPseudoInertia().toMatrix()
+        if body.mass > 0.0:
+            gyration = np.sqrt(max(np.trace(J[:3, :3]) / body.mass, 0.0))
             A[:3, 3] = rng.normal(0.0, 0.3 * spread[1], 3) * gyration
-        J = A @ _pseudo(mass[i], moment[i], inertia[i]) @ A.T
-        J *= 1.0 + rng.choice((-1.0, 1.0)) * size[3]
-        mass[i], moment[i] = J[3, 3], J[:3, 3]
-        inertia[i] = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
-    return tree._replace(mass=mass, moment=moment, inertia=inertia)
-
-
-def with_payload(tree: Tree, body: int, mass: float, centre: Floats) -> Tree:
-    """Return the tree with a point mass [kg] on a body, at ``centre`` [m] in its joint frame."""
-    masses, moment, inertia = tree.mass.copy(), tree.moment.copy(), tree.inertia.copy()
-    masses[body] += mass
-    moment[body] += mass * np.asarray(centre)
-    inertia[body] += about_origin(mass, np.asarray(centre), np.zeros((3, 3)))
-    return tree._replace(mass=masses, moment=moment, inertia=inertia)
-
-
-def tilted(tree: Tree, joint: int, angles: Floats) -> Tree:
-    """Return the tree with one joint frame turned by small angles [rad] about its own axes."""
-    placement = tree.placement.copy()
-    placement[joint] = placement[joint] @ pin.exp3(np.asarray(angles, dtype=float))
-    return tree._replace(placement=placement)
-
-
-def with_hidden_joint(tree: Tree, joint: int, share: float) -> Tree:
-    """Return the tree with a second joint of the same axis that carries ``share`` of the body.
-
-    The joint and its body are split: ``1 - share`` of the inertia stays with the drive and its
-    encoder, ``share`` and all that the body carries move on a joint appended behind it (a
-    carriage that bends). The new joint is ``joint + 1``; later indices move up by one.
-    """
-    fields = {}
-    for name in ("rotary", "axis", "mass", "moment", "inertia", "armature"):
-        value = getattr(tree, name)
-        fields[name] = np.insert(value, joint + 1, value[joint], axis=0)
-    for name in ("mass", "moment", "inertia"):
-        fields[name][joint] *= 1.0 - share
-        fields[name][joint + 1] *= share
-    fields["armature"][joint + 1] = 0.0
-    fields["placement"] = np.insert(tree.placement, joint + 1, np.eye(3), axis=0)
-    fields["offset"] = np.insert(tree.offset, joint + 1, np.zeros(3), axis=0)
-    moved = np.where(tree.parent >= joint, tree.parent + 1, tree.parent)
-    fields["parent"] = np.insert(moved, joint + 1, joint)
-    return tree._replace(**fields)
+        J = A @ J @ A.T * (1.0 + rng.choice((-1.0, 1.0)) * size[3])
+        out.append(pin.PseudoInertia.FromMatrix(J).toInertia() if body.mass > 0.0 else body)
+    return out
