@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.stepping import inlined, leaf
+from pinotwin.dynamics.stepping import inlined
 from pinotwin.loop.servo import Servo
 
 LONGEST = 2.5e-4
@@ -17,7 +17,7 @@ LONGEST = 2.5e-4
 
 
 class Law(NamedTuple):
-    """One controller at one internal step: numbers alone, so that several are rows of one array.
+    """One controller at one internal step: numbers alone, so that several are records of one array.
 
     Attributes:
         e: the six gains, with ``integral``, ``v``, ``vr``, ``slip`` and ``ar``; see :mod:`pinotwin.loop.servo`.
@@ -64,12 +64,11 @@ class Law(NamedTuple):
         return cls(*numbers)
 
 
-WIDTH = len(Law._fields)
-
-
-def law_rows(servos: Sequence[Servo | None], h: float) -> Floats:
-    """Return controllers at the internal step h, one row a joint, (nv, WIDTH); zeros of a joint without one."""
-    return np.array([np.zeros(WIDTH) if servo is None else Law.of(servo, h) for servo in servos])
+def law_rows(servos: Sequence[Servo | None], h: float) -> np.ndarray:
+    """Return controllers at the internal step h, one record a joint, (nv,); zeros of a joint without one."""
+    nothing = (0.0,) * len(Law._fields)
+    laws = [nothing if servo is None else tuple(Law.of(servo, h)) for servo in servos]
+    return np.array(laws, dtype=[(name, float) for name in Law._fields])
 
 
 def _share(lag: float, h: float) -> float:
@@ -90,32 +89,6 @@ def biquad(notch: tuple[float, float, float], h: float) -> Floats:
 def substeps(sampling: float, longest: float = LONGEST) -> int:
     """Return the internal steps a sample: friction is implicit, so that only the loops' speed counts."""
     return max(1, math.ceil(sampling / longest - 1e-9))
-
-
-@leaf
-def law_of(laws, j):  # type: ignore[no-untyped-def]
-    """Return the law in a row of an array (nv, WIDTH)."""
-    return Law(
-        laws[j, 0],
-        laws[j, 1],
-        laws[j, 2],
-        laws[j, 3],
-        laws[j, 4],
-        laws[j, 5],
-        laws[j, 6],
-        laws[j, 7],
-        laws[j, 8],
-        laws[j, 9],
-        laws[j, 10],
-        laws[j, 11],
-        laws[j, 12],
-        laws[j, 13],
-        laws[j, 14],
-        laws[j, 15],
-        laws[j, 16],
-        laws[j, 17],
-        laws[j, 18],
-    )
 
 
 @inlined

@@ -19,7 +19,7 @@ from pinotwin.motion import Motion
 from pinotwin.simulation import coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
-from pinotwin.simulation.law import LONGEST, Law, law_rows, substeps
+from pinotwin.simulation.law import LONGEST, law_rows, substeps
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
@@ -372,7 +372,7 @@ def _coupled(run: _Run, command: Command, begun: Command, out: Record) -> tuple[
     laws = law_rows([run.closed.get(name) for name in machine.names], h)
     modes = run.plant.hanging(h)
     given = (*run.plant.arrays(), np.array(kinds), laws, modes)
-    late = int(laws[:, Law._fields.index("whole")].max(initial=0.0)) + 2
+    late = int(laws["whole"].max(initial=0.0)) + 2
     state = run.plant.state(late=late, modes=len(modes.joint))
     coupled_kernel.settle(*given, begun, state)
     row, joint = coupled_kernel.run(*given, command, state, out)

@@ -24,12 +24,11 @@ of zero score (Parzen 1963; Datta & Du 2012).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, nearest
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.sandwich import bartlett
 
@@ -75,11 +74,9 @@ def spread(
         left = np.maximum(1 - np.einsum("nk,nk->n", V, V), 0.2)  # of a row's own noise
         V *= (error / left)[:, None]
         Omega, dof, lags = _hac(problem, V)
-    elif inference == "ols":
+    else:
         Omega = np.eye(root.shape[1]) * np.mean(error**2)
         dof, lags = float(max(len(error) - root.shape[1], 1)), 0
-    else:
-        raise DataError(f"unknown inference {inference!r}; {nearest(inference, get_args(Inference))}")
     factor = inflation(Omega, error)
     if inference == "hac":
         factor = max(factor * (1 - min(root.shape[1] / len(error), 0.5)), 1.0)

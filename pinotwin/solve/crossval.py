@@ -22,12 +22,9 @@ from pinotwin.solve.tsqr import r_factor
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Error on held-out rows, per axis in the order of ``problem.slices``.
+    """Prediction of held-out rows.
 
     Attributes:
-        rms: RMS prediction error [unit of the effort].
-        nrmse: the same divided by the effort's RMS.
-        nrmse_std: the same divided by the effort's standard deviation.
         theta: coefficients of each fold, shape (folds, p).
         error: prediction error of every row, shape (rows,).
         sigma: noise level of every axis with which the rows were weighted, shape (axes,).
@@ -36,9 +33,6 @@ class HeldOut:
         whole: coefficients of a fit of all rows, shape (p,).
     """
 
-    rms: Floats
-    nrmse: Floats
-    nrmse_std: Floats
     theta: Floats
     error: Floats
     sigma: Floats
@@ -105,7 +99,7 @@ def held_out(
         theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
-    return HeldOut(*_sizes(problem, error), theta, error, whole.sigma, held, fold, whole.theta)
+    return HeldOut(theta, error, whole.sigma, held, fold, whole.theta)
 
 
 def fold_order(problem: Problem) -> tuple[Ints, int]:
@@ -120,14 +114,3 @@ def _merge(chosen: Sequence[Reduced]) -> Reduced:
     factors = zip(*(piece.factors for piece in chosen), strict=True)
     rows = zip(*(piece.rows for piece in chosen), strict=True)
     return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))
-
-
-def _sizes(problem: Problem, error: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the error's RMS of every axis, over the effort's RMS, and over its standard deviation."""
-    parts = list(problem.slices.values())
-    rms = np.array([np.sqrt(np.mean(error[s] ** 2)) for s in parts])
-    size = np.array([np.sqrt(np.mean(problem.y[s] ** 2)) for s in parts])
-    spread = np.array([np.std(problem.y[s]) for s in parts])
-    ratio = np.divide(rms, size, out=np.full(len(parts), np.inf), where=size > 0)
-    ratio_std = np.divide(rms, spread, out=np.full(len(parts), np.inf), where=spread > 0)
-    return rms, ratio, ratio_std

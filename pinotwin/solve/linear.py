@@ -175,7 +175,6 @@ def solve(reduced: Reduced, options: Options | None = None) -> Solution:
         options: how; ``inference`` is not used.
     """
     options = options or Options()
-    _check(reduced, options)
     sigma = _first_levels(reduced) if options.sigma is None else np.asarray(options.sigma, float)
     for _ in range(50):
         found = _weighted(reduced, sigma, options)
@@ -233,18 +232,3 @@ def _levels(reduced: Reduced, found: Solution) -> Floats:
 
 def _or(bound: Floats | None, default: float, p: int) -> Floats:
     return np.full(p, default) if bound is None else np.asarray(bound, float)
-
-
-def _check(reduced: Reduced, options: Options) -> None:
-    """Refuse options whose lengths do not fit."""
-    p = reduced.factors[0].shape[1] - 1
-    given = {"lower": options.lower, "upper": options.upper}
-    if options.prior is not None:
-        given |= {"prior.mean": options.prior.mean, "prior.std": options.prior.std}
-    for name, value in given.items():
-        if value is not None and np.shape(value) != (p,):
-            raise DataError(f"{name} has shape {np.shape(value)}, the problem has {p} parameters")
-    if options.sigma is not None and np.shape(options.sigma) != (len(reduced.rows),):
-        raise DataError(
-            f"sigma has shape {np.shape(options.sigma)}, the problem has {len(reduced.rows)} axes"
-        )

@@ -23,23 +23,6 @@ from pinotwin.errors import DataError
 
 
 @dataclass(frozen=True)
-class AxisRows:
-    """The rows of one axis, times increasing inside each block.
-
-    Attributes:
-        W: regressor, shape (n, p).
-        y: measured effort, shape (n,).
-        time: sample index, shape (n,).
-        block: identity of the unbroken stretch, shape (n,); None for a single one.
-    """
-
-    W: Floats
-    y: Floats
-    time: Ints
-    block: Ints | None = None
-
-
-@dataclass(frozen=True)
 class Problem:
     """Rows of one linear problem, sorted by axis, then block, then time.
 
@@ -61,19 +44,6 @@ class Problem:
 
     def __post_init__(self) -> None:
         _check(self)
-
-    @classmethod
-    def stack(cls, parts: Sequence[AxisRows], names: Sequence[str]) -> Self:
-        """Return the problem of several axes, numbered in the order given."""
-        blocks = [np.zeros(len(x.y), int) if x.block is None else x.block for x in parts]
-        return cls(
-            W=np.concatenate([x.W for x in parts]),
-            y=np.concatenate([x.y for x in parts]),
-            axis=np.repeat(np.arange(len(parts)), [len(x.y) for x in parts]),
-            time=np.concatenate([x.time for x in parts]).astype(np.intp),
-            names=tuple(names),
-            block=np.concatenate(blocks).astype(np.intp),
-        )
 
     @property
     def parameters(self) -> int:

@@ -11,6 +11,7 @@ per candidate, so the block's whole grid is scanned, the best basins are kept, a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -18,16 +19,18 @@ import scipy
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.projection import RANK, Projection, Span
-from pinotwin.solve.result import Basin
+
+
+@dataclass(frozen=True)
+class Basin:
+    """A local optimum of one block's shapes: search coordinates (s,), and what they take off the sum of squares."""
+
+    x: Floats
+    gain: float
 
 
 class Scan:
-    """The gain of one block as a function of its shapes, all other columns held.
-
-    Attributes:
-        block: the block.
-        evaluations: number of candidates looked at so far.
-    """
+    """The gain of one block as a function of its shapes, all other columns held."""
 
     def __init__(
         self,
@@ -48,7 +51,6 @@ class Scan:
         """
         self.kept = kept
         self.block: Moving = projection.moving[b]
-        self.evaluations = 0
         pieces = [(k, C, projection.numbers(k)) for k, C in others]
         spans = [s.wider(*projection.on_axis(i, pieces)) for i, s in enumerate(projection.spans)]
         sizes = [s.basis.shape[1] for s in spans]
@@ -74,7 +76,6 @@ class Scan:
 
     def gains(self, points: Floats) -> Floats:
         """Return the gain at every point, shape (m,), for points of shape (m, s)."""
-        self.evaluations += len(points)
         c = len(self.block.names)
         inside = np.zeros((len(points), self._rows, c))
         gram = np.zeros((len(points), c, c))

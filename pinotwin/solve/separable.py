@@ -12,12 +12,12 @@ widens that of theta.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.solve.covariance import spread
 from pinotwin.solve.linear import Options, linear, reduce, solve
 from pinotwin.solve.moving import Moving
@@ -50,7 +50,7 @@ def separable(
     options = options or Options()
     if not moving:
         fit = linear(problem, options)
-        return SeparableFit(fit, (), np.zeros(0), np.zeros((0, 0)), (), 0, True)
+        return SeparableFit(fit, ())
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
@@ -80,7 +80,6 @@ class _Search:
         self.x = [moving[b].search(known[b]) if b in known else x for b, x in enumerate(middle)]
         self.unknown = [b for b in range(len(moving)) if b not in known]
         self.basins: list[list[Basin]] = [[Basin(x, 0.0)] for x in self.x]
-        self.evaluations = 0
         fixed = Options(sigma=options.sigma, tolerance=options.tolerance)
         self.sigma = solve(self.projection.reduced(), fixed).sigma
 
@@ -122,7 +121,6 @@ class _Search:
         scan = Scan(self.projection, b, others, self.sigma)
         self.basins[b] = scan.basins(self.x[b], refine)
         self.x[b] = self.basins[b][0].x
-        self.evaluations += scan.evaluations
 
     def cell(self, b: int, x: Floats) -> tuple[int, ...]:
         """Return the grid value nearest each shape of a block."""
@@ -155,21 +153,16 @@ class _Search:
         reduced = VariableProjection(self.projection, self.sigma, self.limits)
         first, *rivals = self.starts()
         best = polish(reduced, first, low, high)
-        self.evaluations += best.evaluations
         for rival in rivals:
             found = polish(reduced, rival, low, high, GLANCE)
-            self.evaluations += found.evaluations
             if found.cost < NEAR * best.cost:
-                found = polish(reduced, found.x, low, high)
-                self.evaluations += found.evaluations
-                best = min(best, found, key=lambda p: p.cost)
+                best = min(best, polish(reduced, found.x, low, high), key=lambda p: p.cost)
         for _ in range(3):
             self.x = reduced.split(best.x)
             if not self.reweigh():
                 break
             reduced = VariableProjection(self.projection, self.sigma, self.limits)
             best = polish(reduced, best.x, low, high)
-            self.evaluations += best.evaluations
         return best
 
     def starts(self, rival: float = 0.9, most: int = 3) -> list[Floats]:
@@ -207,30 +200,12 @@ class _Search:
             lags=found.lags,
             determined=fit.determined & rank.determined[:p],
         )
-        shapes = self.shapes(found.covariance[p:, p:], rank.determined[p:], found.dof)
-        basins = tuple(
-            tuple(Basin(m.values(c.x), c.gain) for c in found)
-            for m, found in zip(self.moving, self.basins, strict=True)
-        )
-        return SeparableFit(fit, shapes, best.x, found.covariance, basins, self.evaluations, best.converged)
+        error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(found.covariance), 0)), np.inf)[p:]
+        return SeparableFit(fit, tuple(self.shapes(iter(error.tolist()))))
 
-    def shapes(self, covariance: Floats, determined: Mask, dof: float) -> tuple[ShapeFit, ...]:
-        """Return what was found about every shape."""
-        out: list[ShapeFit] = []
-        error = np.where(determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)
+    def shapes(self, errors: Iterator[float]) -> Iterator[ShapeFit]:
+        """Yield what was found about every shape, with its standard error."""
         for m, x in zip(self.moving, self.x, strict=True):
-            low, high = m.bounds
-            for k, name in enumerate(m.shapes):
-                out.append(
-                    ShapeFit(
-                        block=m.name,
-                        name=name,
-                        x=float(x[k]),
-                        error=float(error[len(out)]),
-                        dof=dof,
-                        lower=float(low[k]),
-                        upper=float(high[k]),
-                        log=bool(m.log[k]),
-                    )
-                )
-        return tuple(out)
+            for name, *numbers, log in zip(m.shapes, x, *m.bounds, m.log, strict=True):
+                value, low, high = map(float, numbers)
+                yield ShapeFit(m.name, name, value, next(errors), low, high, bool(log))
