@@ -211,7 +211,7 @@ def test_small_coordinates_keep_cost_and_gradient():
         W = np.zeros((len(problem.y), len(free)))
         W[:, :10] = problem.W
         at = 10
-        for m, part in zip(machine.moving, small.split(x), strict=True):
+        for m, part in zip(machine.moving, projection.split(x), strict=True):
             W[m.rows, at : at + len(m.names)] = m.at(part)
             at += len(m.names)
         weight = 1 / LEVEL[problem.axis]

@@ -243,7 +243,7 @@ def test_never_unstable_from_random_starts(cascade_log):
         end = polish(projection, rng.uniform(low, high), 1e-4, 15)
         factors = [
             [1.0, p.values[0]] if p.order == 1 else [1.0, 2 * p.values[1] * p.values[0], p.values[0] ** 2]
-            for p in layout.shaped(end.theta)
+            for p in layout.shaped(end.x)
         ]
         poles = np.concatenate([np.roots(f) for f in factors])
         assert np.all(poles.real < 0)

@@ -165,6 +165,10 @@ class Projection:
         """Number of columns: fixed, effort, moving."""
         return self.first[-1]
 
+    def split(self, x: Floats) -> list[Floats]:
+        """Return the search coordinates of each block, of those of all, shape (s,)."""
+        return np.split(x, np.cumsum([len(m.shapes) for m in self.moving])[:-1])
+
     def numbers(self, b: int) -> Ints:
         """Return the numbers of a block's columns."""
         return np.arange(self.first[b], self.first[b + 1])

@@ -12,25 +12,26 @@ widens that of theta.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.covariance import spread
+from pinotwin.solve.descent import End, rival
 from pinotwin.solve.linear import Options, linear, reduce, solve
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.polish import Limits, Polished, VariableProjection, polish
+from pinotwin.solve.polish import Limits, VariableProjection, polish
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
 
-GLANCE, NEAR = 4, 1.02
-"""Evaluations after which a rival is given up, unless its cost is below this many times the best one's by then: the
-search converges quadratically, so that little is left to fall."""
+NEAR = 1.02
+"""Times the best end's cost beyond which a rival's is given up."""
 
 
 def separable(
@@ -54,9 +55,9 @@ def separable(
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
-    best = search.finish()
+    search.finish()
     del search.projection  # of a long log as large as the problem, which is now judged row by row
-    return search.judge(best)
+    return search.judge()
 
 
 class _Search:
@@ -146,24 +147,23 @@ class _Search:
         self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
-    def finish(self) -> Polished:
-        """Polish the best combination and its rivals; return the winner."""
+    def finish(self) -> None:
+        """Move all blocks to the end of the best combination, or of a rival that ends lower."""
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
-        reduced = VariableProjection(self.projection, self.sigma, self.limits)
+
+        def polished() -> Callable[..., End]:
+            return partial(polish, VariableProjection(self.projection, self.sigma, self.limits), (low, high))
+
         first, *rivals = self.starts()
-        best = polish(reduced, first, low, high)
-        for rival in rivals:
-            found = polish(reduced, rival, low, high, GLANCE)
-            if found.cost < NEAR * best.cost:
-                best = min(best, polish(reduced, found.x, low, high), key=lambda p: p.cost)
+        best = polished()(first)
+        for start in rivals:
+            best = min(best, *rival(polished(), start, best, NEAR), key=lambda end: end.cost)
         for _ in range(3):
-            self.x = reduced.split(best.x)
+            self.x = self.projection.split(best.x)
             if not self.reweigh():
                 break
-            reduced = VariableProjection(self.projection, self.sigma, self.limits)
-            best = polish(reduced, best.x, low, high)
-        return best
+            best = polished()(best.x)
 
     def starts(self, rival: float = 0.9, most: int = 3) -> list[Floats]:
         """Return the best combination, then at most a few with one block in a basin of nearly as much gain."""
@@ -177,13 +177,13 @@ class _Search:
         rivals.sort(key=lambda pair: pair[0])
         return [best, *(x for _, x in rivals[:most])]
 
-    def judge(self, best: Polished) -> SeparableFit:
+    def judge(self) -> SeparableFit:
         """Return the result with the covariance of coefficients and shapes together."""
         full = self.full(self.x)
         sigma = self.sigma if self.options.sigma is None else self.options.sigma
         fit = linear(full, replace(self.options, sigma=sigma, inference="none"))
         p = full.parameters
-        slopes = np.zeros((len(full.y), len(best.x)))
+        slopes = np.zeros((len(full.y), sum(map(len, self.x))))
         at, k = self.problem.parameters, 0
         for m, x in zip(self.moving, self.x, strict=True):
             theta = fit.theta[at : at + len(m.names)]
