@@ -20,7 +20,7 @@ from pinotwin.log import Log
 from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
-from pinotwin.simulation import simulate
+from pinotwin.simulation import compare, simulate
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.system.threads import side_by_side
@@ -341,15 +341,9 @@ def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float,
         said = simulate(twin, log, controller=form)
     except PinotwinError:
         return np.inf, np.inf
-    ratios: dict[str, list[float]] = {"e": [], "u": []}
-    for name in twin.servos:
-        for signal, found in ratios.items():
-            error = log[f"{name}.qr"] - log[twin.machine.regulated(name)]
-            logged = log[f"{name}.u"] if signal == "u" else error
-            good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
-            size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
-            if size > 0.0:
-                left = (logged - said[f"{name}.{signal}"])[good]
-                found.append(float(np.sqrt(np.mean(left**2))) / size)
-    e, u = (float(np.mean(x)) if x else np.inf for x in ratios.values())
+    found = compare(twin.machine, log.rows(slice(start, None)), said.rows(slice(start, None)))
+    ratios = ([found[name][signal]["nrmse"] for name in twin.servos] for signal in "eu")
+    e, u = (
+        float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else np.inf for x in map(np.array, ratios)
+    )
     return e, u

@@ -18,6 +18,7 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 from pinotwin.solve.crossval import HeldOut, held_out
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop
@@ -73,12 +74,9 @@ def error_row(y: Floats, error: Floats) -> dict[str, float]:
     ``nrmse`` is divided by the effort's RMS as in the thesis, ``nrmse_std`` by its standard deviation,
     which gravity cannot flatter.
     """
-    rms = float(np.sqrt(np.mean(error**2)))
-    return {
-        "rms": rms,
-        "nrmse": rms / max(float(np.sqrt(np.mean(y**2))), 1e-300),
-        "nrmse_std": rms / max(float(np.std(y)), 1e-300),
-    }
+    size = rms(error)
+    spread, whole = max(float(np.std(y)), 1e-300), max(rms(y), 1e-300)
+    return {"rms": size, "nrmse": size / whole, "nrmse_std": size / spread}
 
 
 def whiteness_row(residual: Floats) -> dict[str, float]:

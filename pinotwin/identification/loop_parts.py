@@ -111,8 +111,3 @@ def both_errors(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str,
 def score(data: LoopData, model: LoopModel) -> float:
     """Return the mean error of the outputs on held-out rows, each over its RMS [-]."""
     return float(np.mean(list(errors(data, model, held_out=True).values())))
-
-
-def searched_poles(model: LoopModel) -> Floats:
-    """Return the logarithms of the searched poles, in the order of the search, shape (1, np)."""
-    return np.array([[np.log(x) for part in model.sections if part.free for x in part.values]])

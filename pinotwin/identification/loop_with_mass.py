@@ -14,6 +14,7 @@ and velocity filter, so one real pole is added. The poles are polished with the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -22,6 +23,7 @@ from pinotwin.arrays import Floats
 from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section, kernels
 from pinotwin.loop.identify import on_bound, pole_fit
 from pinotwin.loop.layout import lay_out
+from pinotwin.loop.projection import Scales
 from pinotwin.solve.sandwich import block_covariance
 
 
@@ -59,7 +61,7 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most:
         return model
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
-    start = np.clip(problem.start, low + 1e-9, high - 1e-9)
+    start = np.clip(model.theta, low + 1e-9, high - 1e-9)
     best = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         start,
@@ -77,12 +79,9 @@ def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats, most
     data, layout = problem.data, problem.model.layout
     variances = np.diag(block_covariance(J, residual))
     numbers = zip(layout.parameters, theta, on_bound(layout, theta), variances, strict=True)
-    at, squares = 0, np.zeros(2)
-    for s in data.segments:
-        part = residual[at : at + 2 * (s.stop - s.start)]
-        squares += np.sum(part.reshape(2, -1) ** 2, axis=1)
-        at += len(part)
-    nrmse = np.sqrt(squares / data.rows)
+    ends = np.cumsum([2 * (s.stop - s.start) for s in data.segments])
+    parts = (part.reshape(2, -1) for part in np.split(residual, ends[:-1]))
+    nrmse = np.sqrt(sum(np.sum(part**2, axis=1) for part in parts) / data.rows)
     return LoopFit(
         parameters=tuple(pole_fit(p, x, int(side), variance, 1.96) for p, x, side, variance in numbers),
         numerator_errors={},
@@ -104,17 +103,10 @@ class _Problem:
     inertia: float
     viscous: float
 
-    @property
-    def start(self) -> Floats:
-        """Logarithms of the searched poles."""
-        sections = self.model.sections
-        return np.log([sections[p.section].values[p.value] for p in self.model.layout.parameters])
-
-    @property
+    @cached_property
     def size(self) -> Floats:
         """RMS of the outputs inside the segments."""
-        inside = np.concatenate([self.data.outputs[s] for s in self.data.segments])
-        return np.maximum(np.sqrt(np.mean(inside**2, axis=0)), 1e-300)
+        return Scales.of(self.data).outputs
 
     def solve(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return the residues of the error row (nc - 2,) and the weighted residual."""

@@ -32,7 +32,6 @@ from pinotwin.identification.loop_parts import (
     first_part,
     loop_data,
     score,
-    searched_poles,
 )
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
@@ -237,7 +236,7 @@ def _choose(data: LoopData, settings: Settings) -> LoopModel:
     """Return the loop of the order that pays, fitted to the first part."""
     trial = _first_loop(data, Structure())
     for pairs in range(2, settings.most_pairs + 1):
-        poles = searched_poles(trial)[0]
+        poles = trial.theta
         starts = np.array([[*poles, np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
         more = identify_loop(first_part(data), Structure(pole_pairs=pairs), starts=starts, judged=False)
         if better(trial, [more], functools.partial(score, data), settings.pays) is trial:
@@ -301,7 +300,7 @@ def _refit(
     Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
     a few usual places.
     """
-    starts = searched_poles(near)
+    starts = near.theta[None]
     if afresh:
         starts = np.concatenate([starts, starting_points(near.layout, FRESH)])
     return identify_loop(data, near.structure, bounds=bounds, starts=starts, judged=judged)

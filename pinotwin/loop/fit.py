@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,3 @@ class LoopFit:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the fit that :meth:`to_dict` wrote."""
-        lists: dict[str, Any] = {k: tuple(values[k]) for k in ("ends", "notes")}
-        rows: list[dict[str, Any]] = [
-            {k: tuple(x) if isinstance(x, list) else x for k, x in p.items()} for p in values["parameters"]
-        ]
-        lists["parameters"] = tuple(ParameterFit(**row) for row in rows)
-        errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
-        return cls(**{**values, **lists, "numerator_errors": errors})

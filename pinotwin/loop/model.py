@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
+import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -80,6 +81,11 @@ class LoopModel:
         return tuple((wn, zeta) for wn, zeta in pairs)
 
     @property
+    def theta(self) -> Floats:
+        """Logarithms of the searched poles, in the order of the search, shape (np,)."""
+        return np.log([self.sections[p.section].values[p.value] for p in self.layout.parameters])
+
+    @property
     def poles(self) -> Floats:
         """All poles, feed-forward included [rad/s], complex, shape (order,)."""
         return np.concatenate([np.roots(_factor(s)) for s in self.sections])
@@ -90,7 +96,8 @@ class LoopModel:
         For the command the numerator holds the factor s; both are as the structure says (the zeros
         that it demands are exactly zero, and the gain of u to its own d is exactly 1).
         """
-        return _fraction(self, self._output(output), self._input(input))
+        places = self._place(output, self.outputs, "output"), self._place(input, self.inputs, "input")
+        return _fraction(self, *places)
 
     def transfer(self, output: str, input: str) -> control.TransferFunction:
         """Return the transfer function from ``input`` to ``output`` as a python-control system."""
@@ -221,11 +228,10 @@ class LoopModel:
         )
         return out
 
-    def _output(self, name: str) -> int:
-        return _place(name, self.outputs, f"{self.axis}: no output")
-
-    def _input(self, name: str) -> int:
-        return _place(name, self.inputs, f"{self.axis}: no input")
+    def _place(self, name: str, known: Sequence[str], what: str) -> int:
+        if name not in known:
+            raise DataError(f"{self.axis}: no {what} {name!r}; {nearest(name, known)}")
+        return list(known).index(name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; :meth:`from_dict` restores them exactly."""
@@ -248,19 +254,15 @@ class LoopModel:
             TwinError: a key is missing.
         """
         try:
-            sections = [
-                Section(**{**s, "values": tuple(float(x) for x in s["values"])}) for s in values["sections"]
-            ]
-            fit = values.get("fit")
             return cls(
                 axis=values["axis"],
                 disturbances=tuple(values["disturbances"]),
                 outputs=tuple(values["outputs"]),
                 step=float(values["step"]),
                 structure=Structure.from_dict(values["structure"]),
-                sections=tuple(sections),
+                sections=msgspec.convert(values["sections"], tuple[Section, ...]),
                 residues=np.array(values["residues"], dtype=float),
-                fit=None if fit is None else LoopFit.from_dict(fit),
+                fit=msgspec.convert(values.get("fit"), LoopFit | None),
             )
         except KeyError as missing:
             raise TwinError(f"loop: key {missing} is missing; identify the twin again") from None
@@ -285,12 +287,6 @@ class LoopModel:
                     row.update(found[name].row())
                 rows.append(row)
         return tuple(rows)
-
-
-def _place(name: str, known: Sequence[str], what: str) -> int:
-    if name not in known:
-        raise DataError(f"{what} {name!r}; {nearest(name, known)}")
-    return list(known).index(name)
 
 
 def _factor(section: Section) -> Floats:

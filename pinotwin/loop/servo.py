@@ -25,6 +25,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -302,11 +303,7 @@ class Servo:
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the controller that :meth:`to_dict` wrote."""
         limit = values.get("limit")
-        made = ("named", "combined", "determined", "intervals")
-        values = {name: x for name, x in values.items() if name not in made}
-        known: dict[str, Any] = dict(values)
-        known |= {k: tuple(values[k]) for k in ("gains", "notch", "encoder") if k in values}
-        return cls(**{**known, "limit": math.inf if limit is None else float(limit)})
+        return msgspec.convert({**values, "limit": math.inf if limit is None else limit}, cls)
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:
