@@ -95,7 +95,7 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
         if not np.isfinite(x).all():
             return None
         servo = search.servo(x)
-        moved = float(np.abs(move * [_weight(name, servo, law.h) for name in search.names]).max())
+        moved = float(np.abs(move * [_weight(name, servo, law.clock.h) for name in search.names]).max())
         if moved < close:
             break
         if any(_same(servo, other, 0.01) for other in known):
@@ -117,7 +117,7 @@ def _weight(name: str, servo: Servo, h: float) -> float:
 
 def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Floats:
     """Return the covariance of Z' r from the sums of blocks of a length, whose scores count as independent, (k, k)."""
-    block = max(1, int(seconds / (law.h * law.substeps)))
+    block = max(1, int(seconds / law.clock.step))
     sums = np.add.reduceat(Z * r[:, None], np.arange(0, len(r), block))
     return np.asarray(sums.T @ sums)
 
