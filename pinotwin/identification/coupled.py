@@ -29,21 +29,13 @@ from pinotwin.twin import OpenLoop, Parameters, Twin
 
 @dataclass
 class Servos:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        servos: controller of each axis, from all windows.
-        trials: from the first windows only: these are judged on the others.
-        factors: on the plant of the axes, where held-out windows asked for them.
-        quality: per axis the errors, in the fit and held out.
-        notes: axes that were left out, and why.
-    """
-
-    servos: dict[str, Servo] = field(default_factory=dict)
-    trials: dict[str, Servo] = field(default_factory=dict)
-    factors: dict[str, Factors] = field(default_factory=dict)
-    quality: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    servos: dict[str, Servo] = field(default_factory=dict)  # controller of each axis, from all windows
+    trials: dict[str, Servo] = field(default_factory=dict)  # from the first windows only
+    factors: dict[str, Factors] = field(default_factory=dict)  # on the plant of the axes
+    quality: dict[str, Any] = field(default_factory=dict)  # per axis the errors, in the fit and held out
+    notes: list[str] = field(default_factory=list)  # axes that were left out, and why
 
 
 def fit_servos(
@@ -56,13 +48,8 @@ def fit_servos(
 ) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion.
 
-    Args:
-        plant: with its diagonal.
-        motion: prepared log(s), for the disturbance that the axes make for one another.
-        raw: the same rows with nothing filtered.
-        axes: to look at.
-        tell: called with the stage and the share of this step done [0 to 1].
-        settings: by which it decides.
+    The prepared motion says what the axes disturb one another by, ``raw`` holds the same rows with nothing
+    filtered; ``tell`` is called with the stage and the share of this step done [0 to 1].
     """
     assert raw.qr is not None
     d, vr = generalised_disturbance(plant, motion, plant.diagonal), command_velocity(raw)
@@ -116,12 +103,7 @@ def _row(found: Found) -> dict[str, Any]:
 
 
 def follows_exactly(raw: Motion, joint: int) -> bool:
-    """Whether a joint moves with an error no larger than the steps in which position and command are written.
-
-    Args:
-        raw: log(s) with commands, nothing filtered.
-        joint: index of the joint.
-    """
+    """Whether a joint of an unfiltered log errs no more than the steps in which position and command are written."""
     assert raw.qr is not None
     rows = np.r_[*raw.segments]
     told = np.stack([raw.regulated[rows, joint], raw.qr[rows, joint]])
@@ -299,15 +281,10 @@ def own_friction(t: Lookup, i: int) -> Lookup:
 def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = USUAL) -> dict[str, Any]:
     """Return which form predicts the end of a log best from its command, and the errors of each.
 
-    On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it is
-    what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must also
-    predict the log from its beginning on as well as the usual one: some drift off within seconds.
-
-    Args:
-        trial: the plant with controllers and loops that have not seen the end of the log.
-        log: a log of the machine in the names of the contract, with commands.
-        tried: the forms.
-        settings: by how much another form must be better, and on how much of the log they are compared.
+    On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it
+    is what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must
+    also predict the log from its beginning on as well as the usual one: some drift off within seconds. The
+    trial's loops and controllers have not seen the end of the log.
     """
     t = log.t
     length = min((t[-1] - t[0]) / 3.0, settings.judged)

@@ -26,23 +26,14 @@ from pinotwin.twin import OpenLoop
 
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
-    """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others.
+    """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others."""
 
-    Attributes:
-        effects: with fixed shapes.
-        length: rows of the motion.
-        rows: which of them the problem holds.
-        problem: rows and columns.
-        folds: parts of the log.
-        held: what the parts predict of one another; None where there are too few rows.
-    """
-
-    effects: tuple[Effect, ...]
-    length: int
-    rows: Rows
-    problem: Problem
-    folds: int
-    held: HeldOut | None
+    effects: tuple[Effect, ...]  # with fixed shapes
+    length: int  # rows of the motion
+    rows: Rows  # which of them the problem holds
+    problem: Problem  # rows and columns
+    folds: int  # parts of the log
+    held: HeldOut | None  # what the parts predict of one another; None where there are too few rows
 
     @classmethod
     def of(
@@ -138,12 +129,7 @@ def judge(
 ) -> tuple[dict[str, Any], CrossValidated]:
     """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
 
-    Args:
-        machine: whose plant it is.
-        plant: the fit.
-        found: the same as a twin holds it.
-        later: what was not fitted; adds ``validation`` to every axis.
-        settings: by which it decides.
+    ``found`` is the same as a twin holds it; a motion that was not fitted adds ``validation`` to every axis.
     """
     fit, problem = plant.fit, plant.fit.problem
     validated = CrossValidated.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)

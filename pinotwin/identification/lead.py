@@ -32,19 +32,12 @@ _ORDER = 4  # of the low-pass that the effort went through
 
 @dataclass(frozen=True)
 class Lead:
-    """Time by which a logged effort is ahead of the position.
+    """Time by which a logged effort is ahead of the position."""
 
-    Attributes:
-        seconds: the time [s]; negative when the effort comes late.
-        error: standard error [s].
-        share: of the residual's power of the axis that it explains.
-        significant: whether the effort should be put back by it.
-    """
-
-    seconds: float
-    error: float
-    share: float
-    significant: bool
+    seconds: float  # the time [s]; negative when the effort comes late
+    error: float  # standard error [s]
+    share: float  # of the residual's power of the axis that it explains
+    significant: bool  # whether the effort should be put back by it
 
 
 def find_leads(  # noqa: PLR0913, what decides has its default
@@ -58,17 +51,12 @@ def find_leads(  # noqa: PLR0913, what decides has its default
     finest: float = 0.025,
     fast: float = 0.1,
 ) -> dict[str, Lead]:
-    """Return the lead of every axis that the log can tell it of.
+    """Return the lead of every axis that the log tells, from rows faster than the share ``fast`` of its top speed.
 
-    Args:
-        machine: whose axes they are.
-        motion: prepared log(s), efforts as they were logged.
-        plant: fitted to it.
-        longest: lead beyond which it is another fault of the model [s]; 18 ms is the longest seen on a drive.
-        sure: standard errors that a lead must differ from zero by to be applied.
-        worth: share of the residual's power of its axis that it must explain to be applied.
-        finest: standard error that the sampling of a controller leaves in any case, in steps of the log.
-        fast: share of an axis' top speed, below which rows tell of friction's memory.
+    One is significant that is ``sure`` of its standard errors from zero, shorter than ``longest`` [s] (18 ms is
+    the longest seen on a drive; more is another fault of the model) and explains the share ``worth`` of the
+    residual's power. The sampling of a controller leaves a standard error of ``finest`` steps of the log in any
+    case.
     """
     rows = choose_rows(replace(motion, use=np.ones_like(motion.use)))  # unbroken, to be differentiated
     top = np.abs(motion.v).max(axis=0, initial=0.0)

@@ -30,9 +30,7 @@ from pinotwin.solve.sandwich import block_covariance
 def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
     """Return a loop with one real pole more, for the lag of drive and filters; residues zero.
 
-    Args:
-        model: without it.
-        start: where its search is to start [Hz], unless the log's sampling is too slow for it.
+    Its search starts at ``start`` [Hz], unless the log's sampling is too slow for it.
     """
     structure = replace(model.structure, real_poles=model.structure.real_poles + 1)
     count = sum(s.order == 1 and not s.feedforward for s in model.sections)
@@ -47,14 +45,9 @@ def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
 
 
 def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most: int = 25) -> LoopModel:
-    """Return the loop with its two rows tied; as it is where its form does not allow that.
+    """Return a loop with its rows e and u tied by M_D [kg or kg·m²] and C; as it is where its form does not allow it.
 
-    Args:
-        data: what the loop was fitted to.
-        model: a loop with the outputs e and u and one disturbance.
-        inertia: M_D [kg or kg·m²].
-        viscous: C [N·s/m or N·m·s/rad].
-        most: evaluations of the search for the poles: they start at those of the free fit.
+    The search makes ``most`` evaluations: its poles start at those of the free fit.
     """
     s = model.structure
     if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":

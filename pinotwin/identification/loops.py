@@ -51,21 +51,13 @@ BEGINNINGS, FRESH = 4, 2
 
 @dataclass(frozen=True)
 class ClosedLoops:
-    """What the closed loops add to a twin.
+    """What the closed loops add to a twin."""
 
-    Attributes:
-        plant: with the friction and tables that the loops refined.
-        loops: closed loop of each axis (black box, or the linearised coupled form).
-        servos: controller of each axis.
-        quality: rows ``servos``, ``loops``, ``simulation`` of the twin's quality.
-        warnings: axes that were left out, and why.
-    """
-
-    plant: OpenLoop
-    loops: Mapping[str, LoopModel] = field(default_factory=dict)
-    servos: Mapping[str, Servo] = field(default_factory=dict)
-    quality: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    plant: OpenLoop  # with the friction and tables that the loops refined
+    loops: Mapping[str, LoopModel] = field(default_factory=dict)  # of each axis, black box or linearised
+    servos: Mapping[str, Servo] = field(default_factory=dict)  # controller of each axis
+    quality: Mapping[str, Any] = field(default_factory=dict)  # ``servos``, ``loops``, ``simulation``
+    warnings: tuple[str, ...] = ()  # axes that were left out, and why
 
     def twin(self, **rest: Any) -> Twin:
         """Return the twin of the plant with these loops; the rest are its other attributes."""
@@ -84,14 +76,8 @@ def close_loops(
     The coupled form comes first; where it predicts the tracking error of held-out rows well, its linearised
     system gives poles and transfer functions. Otherwise, on machines with passive joints, and where
     machine.yaml states orders, the source's free black box is identified beside it, and held-out rows decide
-    between them: poles are read from the form that simulates.
-
-    Args:
-        plant: with its diagonal.
-        motion: prepared log(s) with commands.
-        even: the same, unfiltered.
-        tell: called with the stage and the share of the identification done [0 to 1].
-        settings: by which it decides.
+    between them: poles are read from the form that simulates. ``tell`` is called with the stage and the share
+    of the identification done [0 to 1].
     """
     if motion.step > settings.slowest:
         rate, least = 1.0 / motion.step, 1.0 / settings.slowest
@@ -202,11 +188,7 @@ def _black_boxes(
 
 
 def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, settings: Settings) -> None:
-    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined.
-
-    Raises:
-        DataError: there is none.
-    """
+    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined."""
     given = plant.machine.loop.get(data.axis)
     bounds = (given.bounds or None) if given is not None else None
     if given is not None and given.stated:
@@ -262,12 +244,9 @@ def _refined(
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
-    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that
-    were fitted beside wrong friction pull the friction along, most of all where a structure bends.
-
-    Returns:
-        Data with the disturbance of the effects that were kept, the loop of its first part, and the effects before
-        and after; None where they stay as they are.
+    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that were
+    fitted beside wrong friction pull the friction along, most of all where a structure bends. With the data and
+    the loop of their first part go the effects before and after; None where they stay as they are.
     """
     deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
     mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)

@@ -67,14 +67,7 @@ USUAL = Settings()
 
 
 def better(usual: T, others: Iterable[T], score: Callable[[T], float], pays: float) -> T:
-    """Return the candidate of the least error; the usual one unless another's is below ``pays`` of its.
-
-    Args:
-        usual: what is taken in doubt.
-        others: what may be taken instead.
-        score: error of a candidate on rows that it was not fitted to [any unit].
-        pays: factor on the usual one's error that another must come below.
-    """
+    """Return the candidate of the least error; the usual one unless another's is below ``pays`` of its [-]."""
     candidates = [usual, *others]
     limits = [score(x) / (pays if k else 1.0) for k, x in enumerate(candidates)]
     return candidates[limits.index(min(limits))]

@@ -30,20 +30,11 @@ def search_shapes(
     options: Options,
     unknown: Sequence[int] | None = None,
 ) -> Found:
-    """Find the shapes of some effects together with all coefficients.
+    """Find the shapes of some effects, by their index, together with all coefficients.
 
-    Args:
-        motion: prepared log.
-        effects: all effects, in the order of theta.
-        rows: rows to fit.
-        searched: indices of the effects whose shapes are searched.
-        options: prior and bounds in the order of theta.
-        unknown: those of them that are searched all over; about the others' present shapes only. All by default.
-
-    Returns:
-        The linear fit in the order of the effects, the effects at the shapes found, and for every
-        shape of every effect its standard error (nan where it was not searched) and whether it
-        ended at a bound.
+    Those ``unknown`` are searched all over (all by default), the others about their present shapes only. The
+    fit is in the order of the effects; for every shape of every effect go its standard error (nan where it was
+    not searched) and whether it ended at a bound.
     """
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]
@@ -62,11 +53,7 @@ def search_shapes(
 def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
     """Return which effects are worth a further shape, with it, by their place: each axis by itself.
 
-    Args:
-        motion: prepared log.
-        effects: all effects, at the shapes found.
-        rows: rows to fit.
-        pays: share of what an axis leaves below which some value of the shape must bring it.
+    Some value of the shape must bring what an axis leaves below the share ``pays``.
     """
     found = {}
     for k, effect in enumerate(effects):

@@ -44,32 +44,20 @@ BLOCK = 1000
 
 @dataclass(frozen=True)
 class Misfit:
-    """The misfit at one set of poles.
+    """The misfit at one set of poles."""
 
-    Attributes:
-        residual: in reduced coordinates; half its square is the cost.
-        jacobian: its derivative by theta.
-        residues: in scaled units, shape (ny, nc).
-    """
-
-    residual: Floats
-    jacobian: Floats
-    residues: Floats
+    residual: Floats  # in reduced coordinates; half its square is the cost
+    jacobian: Floats  # its derivative by theta
+    residues: Floats  # in scaled units, shape (ny, nc)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Units in which the fit works: every signal of size one.
+    """Units in which the fit works: every signal of size one."""
 
-    Attributes:
-        inputs: disturbances and velocity of the command, shape (ni,).
-        acceleration: acceleration of the command.
-        outputs: shape (ny,).
-    """
-
-    inputs: Floats
-    acceleration: float
-    outputs: Floats
+    inputs: Floats  # disturbances and velocity of the command, shape (ni,)
+    acceleration: float  # acceleration of the command
+    outputs: Floats  # shape (ny,)
 
     @classmethod
     def of(cls, data: LoopData) -> Scales:
@@ -154,13 +142,7 @@ class Projection:
         )
 
     def clear_free(self, discrete: Discrete, sections: Sequence[Section], columns: Floats) -> None:
-        """Take the free responses of the segments out of full-length columns, in place.
-
-        Args:
-            discrete: the discrete sections.
-            sections: the continuous ones.
-            columns: shape (rows of all segments, k).
-        """
+        """Take the free responses of the segments out of full-length columns, shape (rows, k), in place."""
         longest = max(s.stop - s.start for s in self.segments)
         n = min(memory(sections, self.step), longest)
         nf = sum(section.order for section in sections)

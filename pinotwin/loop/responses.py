@@ -73,11 +73,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
 
 
 def triangle(blocks: Floats) -> Floats:
-    """Return the triangular factor of the rows of all blocks, shape (columns, columns).
-
-    Args:
-        blocks: columns in blocks of rows, shape (m, columns, rows), overwritten; m may be zero.
-    """
+    """Return the triangular factor, shape (columns, columns), of blocks (m, columns, rows), which are overwritten."""
     columns = blocks.shape[1]
     out = np.zeros((columns, columns))
     if len(blocks):
@@ -98,12 +94,7 @@ def _factor(rows: Floats, panel: int = 8) -> Floats:
 
 
 def without_free(R: Floats, layout: Layout) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the rows of a segment's head off its free response, and what gives f.
-
-    Args:
-        R: triangular factor of the columns [F, dF, rest], shape (columns, columns).
-        layout: places of the columns.
-    """
+    """Return the rows of a segment's head off its free response, and what gives f, from the factor of [F, dF, rest]."""
     nf = sum(section.order for section in layout.sections)
     nd = nf + sum(section.order**2 for section in layout.sections)
     inverse = np.asarray(np.linalg.pinv(R[:nf, :nf], rcond=1e-11), dtype=np.float64)

@@ -21,9 +21,6 @@ from pinotwin.loop.layout import Layout
 from pinotwin.loop.projection import Projection, Scales
 from pinotwin.solve.descent import End, Remembered, rival, trust_region
 
-NEAR = 1.1
-"""Times the best end's cost beyond which a second end is given up on all rows."""
-
 
 def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> End:
     """Return the end of one bounded search from ``theta``, logarithms of the parameters, shape (np,)."""
@@ -73,11 +70,12 @@ def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
 
 
 def search(
-    data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4
+    data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4, near: float = 1.1
 ) -> tuple[End, tuple[float, ...]]:
     """Return the best poles on all data, and the costs of the different ends of the short search over the lowest.
 
-    It begins at ``starts``, shape (k, np), spread ones where absent; ``further`` short searches go on to their ends.
+    It begins at ``starts``, shape (k, np), spread ones where absent; ``further`` short searches go on to their ends;
+    a second end is given up on all rows beyond ``near`` times the best cost.
     """
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
@@ -92,7 +90,7 @@ def search(
     ends = _different([*ended, *first[further:]])
     finals = [polish(whole, ends[0].x)]
     if short is not whole and len(ends) > 1:
-        finals += rival(partial(polish, whole), ends[1].x, finals[0], NEAR)
+        finals += rival(partial(polish, whole), ends[1].x, finals[0], near)
     best = min(finals, key=lambda f: f.cost)
     evaluations = sum(f.evaluations for f in (*tried, *ended, *finals))
     lowest = max(ends[0].cost, 1e-300)

@@ -30,23 +30,14 @@ from pinotwin.loop.structure import Section
 
 @dataclass(frozen=True)
 class Discrete:
-    """Discrete sections, stacked; a first-order section fills the first of its two states.
+    """Discrete sections, stacked; a first-order section fills the first of its two states."""
 
-    Attributes:
-        A: shape (k, 2, 2).
-        B0: weight of the input at the start of the interval, shape (k, 2).
-        B1: weight of the input at its end, shape (k, 2).
-        dA: derivatives by the logarithms of the section's two values, shape (k, 2, 2, 2).
-        dB0: likewise, shape (k, 2, 2).
-        dB1: likewise, shape (k, 2, 2).
-    """
-
-    A: Floats
-    B0: Floats
-    B1: Floats
-    dA: Floats
-    dB0: Floats
-    dB1: Floats
+    A: Floats  # shape (k, 2, 2)
+    B0: Floats  # weight of the input at the start of the interval, shape (k, 2)
+    B1: Floats  # weight of the input at its end, shape (k, 2)
+    dA: Floats  # derivatives by the logarithms of the section's two values, shape (k, 2, 2, 2)
+    dB0: Floats  # likewise, shape (k, 2, 2)
+    dB1: Floats  # likewise, shape (k, 2, 2)
 
 
 def continuous(section: Section) -> tuple[Floats, Floats]:
@@ -69,12 +60,7 @@ def derivatives(section: Section) -> tuple[Floats, Floats]:
 
 
 def discretise(sections: Sequence[Section], step: float) -> Discrete:
-    """Return the exact first-order-hold equivalents of the sections.
-
-    Args:
-        sections: the continuous sections.
-        step: sampling interval [s].
-    """
+    """Return the exact first-order-hold equivalents of continuous sections at a sampling interval [s]."""
     k = len(sections)
     M, dM = np.zeros((k, 4, 4)), np.zeros((k, 2, 4, 4))
     M[:, 2, 3] = 1.0

@@ -255,11 +255,7 @@ def _row(plant, tables, kind, command, row, s, record):  # type: ignore[no-untyp
 @entry
 @leaf
 def run(plant, tables, kind, laws, modes, command, s, record):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a kernel
-    """Step through the whole command from the state ``s``.
-
-    Returns:
-        Row and joint at which the tracking error exceeded its limit, or (-1, -1).
-    """
+    """Step through the whole command; return row and joint at which the tracking error exceeds its limit, or -1, -1."""
     n, nv = command.qr.shape
     h, interval = command.step / command.substeps, (command.step, 1.0 / command.step)
     for row in range(n):

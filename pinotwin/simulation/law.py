@@ -17,40 +17,27 @@ LONGEST = 2.5e-4
 
 
 class Law(NamedTuple):
-    """One controller at one internal step: numbers alone, so that several are records of one array.
+    """One controller at one internal step: numbers alone, so that several are records of one array."""
 
-    Attributes:
-        e: the six gains, with ``integral``, ``v``, ``vr``, ``slip`` and ``ar``; see :mod:`pinotwin.loop.servo`.
-        see: what the velocity filter moves in a step.
-        lag: what the current loop moves in a step.
-        b0: of the notch, with ``b1``, ``b2``, ``a1`` and ``a2``; no notch where it is 0.
-        whole: dead time in whole steps.
-        part: and the rest of it.
-        limit: largest effort.
-        offset: what the integrator begins with; NaN for what the effort at the start asks for.
-        tick: step of the encoder by which the law is closed; 0 for none.
-        origin: of its steps.
-    """
-
-    e: float
+    e: float  # the six gains of :mod:`pinotwin.loop.servo`, to ``ar``
     integral: float
     v: float
     vr: float
     slip: float
     ar: float
-    see: float
-    lag: float
-    b0: float
+    see: float  # what the velocity filter moves in a step
+    lag: float  # what the current loop moves in a step
+    b0: float  # of the notch, with ``b1``, ``b2``, ``a1`` and ``a2``; no notch where it is 0
     b1: float
     b2: float
     a1: float
     a2: float
-    whole: float
-    part: float
-    limit: float
-    offset: float
-    tick: float
-    origin: float
+    whole: float  # dead time in whole steps
+    part: float  # and the rest of it
+    limit: float  # largest effort
+    offset: float  # what the integrator begins with; NaN for what the effort at the start asks for
+    tick: float  # step of the encoder by which the law is closed; 0 for none
+    origin: float  # of its steps
 
     @classmethod
     def of(cls, servo: Servo, h: float) -> Law:
@@ -99,15 +86,9 @@ def shown(law, q):  # type: ignore[no-untyped-def]
 
 @inlined
 def asked(law, h, c, q, v, state):  # type: ignore[no-untyped-def]
-    """Step a law; return its state: velocity seen, integral, effort after the current loop, two of the notch.
+    """Step a law by h [s] for a command (and two derivatives), position and velocity; return its new state.
 
-    Args:
-        law: its numbers.
-        h: the step [s].
-        c: command and its two derivatives.
-        q: position.
-        v: velocity.
-        state: before the step.
+    That is the velocity seen, the integral, the effort after the current loop, and two of the notch.
     """
     seen, wound, out, first, second = state
     e = c[0] - shown(law, q)

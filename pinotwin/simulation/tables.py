@@ -43,31 +43,19 @@ _MOST = 1 << 18
 
 @dataclass(frozen=True)
 class Tables:
-    """Efforts of all axes as tables; see the module.
+    """Efforts of all axes as tables; see the module."""
 
-    Attributes:
-        lookup: the arrays for the kernel.
-        coupled: see :func:`pinotwin.dynamics.tape.record`.
-        other: indices of the effects that fit no table.
-    """
-
-    lookup: Lookup
-    coupled: tuple[tuple[int, int, float, float], ...]
-    other: tuple[int, ...]
+    lookup: Lookup  # the arrays for the kernel
+    coupled: tuple[tuple[int, int, float, float], ...]  # see :func:`pinotwin.dynamics.tape.record`
+    other: tuple[int, ...]  # indices of the effects that fit no table
 
 
 def tabulate(
     machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
 ) -> Tables:
-    """Return the tables of all effects but the rigid body.
+    """Return the tables of all effects with their coefficients, over a travel, shape (2, nv), and up to a speed (nv,).
 
-    Viscous and spring effects are left out: they belong to the linear part (C and K).
-
-    Args:
-        machine: whose effects they are.
-        effects: each with its coefficients.
-        travel: range of positions to cover, shape (2, nv).
-        speed: largest speed to cover, shape (nv,).
+    The rigid body is left out, and viscous and spring effects too: they belong to the linear part (C and K).
     """
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}

@@ -37,30 +37,19 @@ Inference = Literal["hac", "ols", "none"]
 
 @dataclass(frozen=True)
 class Spread:
-    """Covariance and the degrees of freedom of its estimate.
+    """Covariance and the degrees of freedom of its estimate."""
 
-    Attributes:
-        covariance: of the estimate in the seen directions, shape (p, p).
-        dof: degrees of freedom for Student's t.
-        lags: bandwidth used, in slots of the time axis; 0 where none.
-    """
-
-    covariance: Floats
-    dof: float
-    lags: int
+    covariance: Floats  # of the estimate in the seen directions, shape (p, p)
+    dof: float  # degrees of freedom for Student's t
+    lags: int  # bandwidth used, in slots of the time axis; 0 where none
 
 
 def spread(
     problem: Problem, sigma: Floats, error: Floats, root: Floats, inference: Inference = "hac"
 ) -> Spread:
-    """Return the covariance of a weighted least-squares estimate.
+    """Return the covariance of a weighted fit with residuals ``error`` (rows,) and noise ``sigma`` of each axis.
 
-    Args:
-        problem: rows.
-        sigma: noise level of each axis that has any.
-        error: residuals, shape (rows,).
-        root: F with F F' = (W'W)^-1 of rows divided by their noise level, shape (p, rank).
-        inference: which estimate of Omega.
+    ``root`` is F with F F' = (W'W)^-1 of the rows over their noise, shape (p, rank).
     """
     if inference == "none":
         return Spread(np.full((len(root), len(root)), np.nan), np.nan, 0)

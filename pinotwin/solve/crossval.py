@@ -22,33 +22,22 @@ from pinotwin.solve.tsqr import r_factor
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Prediction of held-out rows.
+    """Prediction of held-out rows."""
 
-    Attributes:
-        theta: coefficients of each fold, shape (folds, p).
-        error: prediction error of every row, shape (rows,).
-        sigma: noise level of every axis with which the rows were weighted, shape (axes,).
-        factors: R of the weighted rows that each fold was fitted to, shape (folds, p, p).
-        fold: of every row, shape (rows,).
-        whole: coefficients of a fit of all rows, shape (p,).
-    """
-
-    theta: Floats
-    error: Floats
-    sigma: Floats
-    factors: Floats
-    fold: Ints
-    whole: Floats
+    theta: Floats  # coefficients of each fold, shape (folds, p)
+    error: Floats  # prediction error of every row, shape (rows,)
+    sigma: Floats  # noise level of every axis with which the rows were weighted, shape (axes,)
+    factors: Floats  # R of the weighted rows that each fold was fitted to, shape (folds, p, p)
+    fold: Ints  # of every row, shape (rows,)
+    whole: Floats  # coefficients of a fit of all rows, shape (p,)
 
     def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
         """Return the variance of each row's prediction over that of the noise, shape (rows,).
 
-        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted tell
-        less of a prediction than the noise does: of a table's knots that only this fold visits they tell nothing.
-
-        Args:
-            problem: whose rows these are.
-            ridge: share of what all rows tell of a column that holds where the fitted rows do not have it.
+        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted
+        tell less of a prediction than the noise does: of a table's knots that only this fold visits they tell
+        nothing. The share ``ridge`` of what all rows tell of a column holds it where the fitted rows do not
+        have it.
         """
         out = np.empty(len(problem.y))
         N = self.factors.transpose(0, 2, 1) @ self.factors
@@ -66,13 +55,9 @@ class HeldOut:
 def held_out(
     problem: Problem, folds: int = 5, guard: int | None = None, options: Options | None = None
 ) -> HeldOut:
-    """Return the blocked K-fold prediction error of a linear problem.
+    """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
-    Args:
-        problem: rows; for a separable problem pass that of its fit, the shapes stay as found.
-        folds: number of stretches of time.
-        guard: slots left out on each side of the stretch; default a twentieth of a stretch.
-        options: how to fit. Noise levels that are not given are taken from a fit of all rows.
+    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
 
     Raises:
         DataError: fewer instants than two per fold.

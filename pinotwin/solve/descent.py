@@ -14,9 +14,6 @@ import scipy
 
 from pinotwin.arrays import Floats
 
-GLANCE = 4
-"""Evaluations after which a rival is given up: the search converges quadratically, so that little is left to fall."""
-
 Evaluate = Callable[[Floats], tuple[Floats, Floats]]
 """From a point (k,) to residual (m,) and Jacobian (m, k)."""
 
@@ -47,7 +44,7 @@ class Remembered:
 def trust_region(
     evaluate: Remembered, start: Floats, bounds: tuple[Floats, Floats], margin: float, **options: Any
 ) -> End:
-    """Return the end of a search within bounds, begun a share of their width inside; options as scipy has them."""
+    """Return the end of a search within bounds, shape (k,), begun a share of their width inside."""
     low, high = bounds
     inside = np.clip(start, low + margin * (high - low), high - margin * (high - low))
     found = scipy.optimize.least_squares(
@@ -62,7 +59,12 @@ def trust_region(
     return End(np.asarray(found.x), float(found.cost), int(found.nfev), found.status > 0)
 
 
-def rival(polish: Callable[..., End], start: Floats, best: End, near: float) -> list[End]:
-    """Return the ends of a search from another start: after a glance, and beyond unless it is ``near`` times worse."""
-    glance = polish(start, most=GLANCE)
+def rival(
+    polish: Callable[..., End], start: Floats, best: End, near: float, evaluations: int = 4
+) -> list[End]:
+    """Return the ends of a search from another start, shape (k,): after a glance, and if that is near, its own.
+
+    Near is up to so many times the best cost: the search converges quadratically, so that little is left to fall.
+    """
+    glance = polish(start, most=evaluations)
     return [glance] if glance.cost > near * best.cost else [glance, polish(glance.x)]

@@ -31,30 +31,18 @@ CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`.
+    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`."""
 
-    Attributes:
-        lower: shape (p,).
-        upper: shape (p,).
-        tolerance: smallest relative pivot that counts as seen.
-    """
-
-    lower: Floats
-    upper: Floats
-    tolerance: float
+    lower: Floats  # shape (p,)
+    upper: Floats  # shape (p,)
+    tolerance: float  # smallest relative pivot that counts as seen
 
 
 class VariableProjection:
     """Residual and Jacobian of the variable projection as functions of the search coordinates."""
 
     def __init__(self, projection: Projection, sigma: Floats, limits: Limits) -> None:
-        """Prepare for given noise levels.
-
-        Args:
-            projection: the problem.
-            sigma: noise level per axis.
-            limits: bounds on the linear coefficients, fixed columns first.
-        """
+        """Prepare for given noise levels of the axes; limits are those of fixed coefficients first."""
         self._projection = projection
         self._sigma = sigma
         self._limits = limits

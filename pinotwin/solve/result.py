@@ -16,43 +16,27 @@ from pinotwin.solve.problem import Problem
 class LinearFit:
     """The result of :func:`pinotwin.solve.linear`; it keeps its problem.
 
-    Attributes:
-        problem: the rows that were fitted.
-        theta: coefficients, shape (p,).
-        covariance: of theta, shape (p, p). In directions that the data leave open it is zero (theta
-            stays at the prior there), so it holds for every combination that the data determine;
-            :attr:`standard_errors` says infinity for each parameter that is not determined.
-        dof: degrees of freedom of the covariance, for Student's t.
-        sigma: noise level per axis, in the order of ``problem.slices`` [unit of the effort].
-        rank: number of directions that the data determine.
-        condition: condition number of the seen, scaled columns.
-        determined: whether the data determine each parameter, shape (p,).
-        unexcited: parameters whose column is empty in these data.
-        groups: parameters that these data cannot tell apart.
-        active: parameters that sit on a bound, shape (p,).
-        lower: bounds, shape (p,), -inf for none.
-        upper: bounds, shape (p,), inf for none.
-        factor: R of the rows divided by sigma, shape (p, p).
-        right: z with || R theta - z || the weighted residual up to a constant, shape (p,).
-        lags: bandwidth of the covariance, in slots of the time axis.
+    In directions that the data leave open the covariance is zero (theta stays at the prior there), so it holds for
+    every combination that the data determine; :attr:`standard_errors` says infinity for each parameter that is not
+    determined.
     """
 
-    problem: Problem
-    theta: Floats
-    covariance: Floats
-    dof: float
-    sigma: Floats
-    rank: int
-    condition: float
-    determined: Mask
-    unexcited: tuple[int, ...]
-    groups: tuple[tuple[int, ...], ...]
-    active: Mask
-    lower: Floats
-    upper: Floats
-    factor: Floats
-    right: Floats
-    lags: int
+    problem: Problem  # the rows that were fitted
+    theta: Floats  # coefficients, shape (p,)
+    covariance: Floats  # of theta, shape (p, p)
+    dof: float  # degrees of freedom of the covariance, for Student's t
+    sigma: Floats  # noise level per axis, in the order of ``problem.slices`` [unit of the effort]
+    rank: int  # number of directions that the data determine
+    condition: float  # condition number of the seen, scaled columns
+    determined: Mask  # whether the data determine each parameter, shape (p,)
+    unexcited: tuple[int, ...]  # parameters whose column is empty in these data
+    groups: tuple[tuple[int, ...], ...]  # parameters that these data cannot tell apart
+    active: Mask  # parameters that sit on a bound, shape (p,)
+    lower: Floats  # bounds, shape (p,), -inf for none
+    upper: Floats  # bounds, shape (p,), inf for none
+    factor: Floats  # R of the rows divided by sigma, shape (p, p)
+    right: Floats  # z with || R theta - z || the weighted residual up to a constant, shape (p,)
+    lags: int  # bandwidth of the covariance, in slots of the time axis
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,25 +61,15 @@ class LinearFit:
 
 @dataclass(frozen=True)
 class ShapeFit:
-    """One shape parameter as found.
+    """One shape parameter as found."""
 
-    Attributes:
-        block: the moving block it belongs to.
-        name: its name there.
-        x: search coordinate (the logarithm if ``log``).
-        error: standard error of x, infinite if the data do not determine it.
-        lower: lower bound of x.
-        upper: upper bound of x.
-        log: searched on a logarithmic scale.
-    """
-
-    block: str
-    name: str
-    x: float
-    error: float
-    lower: float
-    upper: float
-    log: bool
+    block: str  # the moving block it belongs to
+    name: str  # its name there
+    x: float  # search coordinate (the logarithm if ``log``)
+    error: float  # standard error of x, infinite if the data do not determine it
+    lower: float  # lower bound of x
+    upper: float  # upper bound of x
+    log: bool  # searched on a logarithmic scale
 
     @property
     def value(self) -> float:

@@ -40,15 +40,7 @@ class Scan:
         sigma: Floats,
         kept: int = 4,
     ) -> None:
-        """Project out the fixed columns and those of other blocks.
-
-        Args:
-            projection: the problem.
-            b: which block.
-            others: (block, columns) of the blocks to hold.
-            sigma: noise level per axis.
-            kept: basins that are refined.
-        """
+        """Project out the fixed columns and those of other blocks, (block, columns); ``kept`` basins are refined."""
         self.kept = kept
         self.block: Moving = projection.moving[b]
         pieces = [(k, C, projection.numbers(k)) for k, C in others]
@@ -96,14 +88,10 @@ class Scan:
         return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
 
     def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
-        """Return the best basins of the block, best first.
+        """Return the best basins of the block, best first, searched between the grid's values too if ``refine``.
 
-        The longest grid is scanned first with the other shapes at ``start``, then each further
-        shape from every basin kept.
-
-        Args:
-            start: search coordinates from which to scan, shape (s,).
-            refine: also search between the values of the grid.
+        The longest grid is scanned first with the other shapes at ``start`` (s,), then each further shape from
+        every basin kept.
         """
         grids = self.block.grids
         kept = [Basin(start, self.gain(start))]

@@ -30,9 +30,6 @@ from pinotwin.solve.rank import analyse
 from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
 
-NEAR = 1.02
-"""Times the best end's cost beyond which a rival's is given up."""
-
 
 def separable(
     problem: Problem,
@@ -40,13 +37,9 @@ def separable(
     options: Options | None = None,
     known: Mapping[int, Floats] | None = None,
 ) -> SeparableFit:
-    """Fit fixed columns and moving blocks together.
+    """Fit fixed columns and moving blocks together; blocks at ``known`` shape values are polished, not scanned.
 
-    Args:
-        problem: rows whose regressor holds the fixed columns (at least none).
-        moving: the blocks with shapes.
-        options: prior and bounds cover fixed coefficients first, then those of each block in turn.
-        known: shape values about which some blocks are right already, by block: these are polished, not scanned.
+    Prior and bounds of the options cover the fixed coefficients first, then those of each block in turn.
     """
     options = options or Options()
     if not moving:
@@ -147,8 +140,8 @@ class _Search:
         self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
-    def finish(self) -> None:
-        """Move all blocks to the end of the best combination, or of a rival that ends lower."""
+    def finish(self, near: float = 1.02) -> None:
+        """Move all blocks to the end of the best combination, or of a rival that comes near it and ends lower."""
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
 
@@ -158,7 +151,7 @@ class _Search:
         first, *rivals = self.starts()
         best = polished()(first)
         for start in rivals:
-            best = min(best, *rival(polished(), start, best, NEAR), key=lambda end: end.cost)
+            best = min(best, *rival(polished(), start, best, near), key=lambda end: end.cost)
         for _ in range(3):
             self.x = self.projection.split(best.x)
             if not self.reweigh():

@@ -40,17 +40,17 @@ class Clock(NamedTuple):
         return [np.asarray(spline(fine, k)) for k in (0, *orders)]
 
     def columns(self, qr: Floats, vr: Floats, ar: Floats, q: Floats) -> Floats:
-        """Return e, its integral, -v, vr, its integral and ar, (6, m); integrals are late as in the simulation."""
+        """Return e, its integral, -v, vr, its integral and ar, shape (6, m); integrals are as late as simulated."""
         e, late, h = qr - q, 0.5 * LONGEST, self.h
         wound = h * (np.cumsum(e) - 0.5 * (e + e[0]))
         return np.stack([e, wound - late * e, -np.gradient(q, h), vr, qr - late * vr, ar])
 
     def seen(self, X: Floats, servo: Servo) -> Floats:
-        """Return the columns (6, m) with the velocity as late as the law sees it."""
+        """Return the columns, shape (6, m), with the velocity as late as the law sees it."""
         return np.stack([*X[:2], self.low(X[2], servo.velocity_lag), *X[3:]])
 
     def out(self, X: Floats, servo: Servo) -> Floats:
-        """Return signals (..., m) through notch and current loop, at the log's samples (..., n)."""
+        """Return signals (..., m) through notch and current loop, at the log's samples, shape (..., n)."""
         if servo.notch[0] > 0.0:
             b = biquad(servo.notch, self.h)
             X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
@@ -71,44 +71,28 @@ class Clock(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """One window on a fine clock.
+    """One window on a fine clock."""
 
-    Attributes:
-        measured: e, its integral, -v, vr, the integral of vr and ar, shape (6, m); likewise ``simulated``.
-        u: effort at the log's samples, shape (n,).
-    """
-
-    measured: Floats
+    measured: Floats  # e, its integral, -v, vr, the integral of vr and ar, shape (6, m)
     simulated: Floats
-    u: Floats
+    u: Floats  # effort at the log's samples, shape (n,)
 
 
 @dataclass(frozen=True)
 class LawAlone:
-    """All windows of an axis.
+    """All windows of an axis."""
 
-    Attributes:
-        stretches: its windows.
-        clock: on which they are.
-        skip: rows left out at the beginning of a window.
-        whitener: 1, -a_1, ... of the effort's error.
-    """
-
-    stretches: tuple[Stretch, ...]
-    clock: Clock
-    skip: int
-    whitener: Floats
+    stretches: tuple[Stretch, ...]  # its windows
+    clock: Clock  # on which they are
+    skip: int  # rows left out at the beginning of a window
+    whitener: Floats  # 1, -a_1, ... of the effort's error
 
     @classmethod
     def of(cls, p: AxisProblem, servo: Servo, clock: float = 5e-4, memory: float = 0.06) -> LawAlone | None:
         """Return the windows of an axis, simulated under a controller; None where it runs away.
 
-        Args:
-            p: the axis.
-            servo: the controller.
-            clock: longest internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of
-                a few of them.
-            memory: of the autoregression that whitens the effort's error [s].
+        The laws of drives are smooth over ``clock`` [s], whose fastest parts are lags of a few of them; an
+        autoregression of ``memory`` [s] whitens the effort's error.
         """
         fine = Clock(p.step, max(1, int(np.ceil(p.step / clock - 1e-9))))
         stretches = [made for s in p.windows if (made := _stretch(p, servo, s, fine)) is not None]

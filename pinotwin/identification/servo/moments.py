@@ -32,19 +32,12 @@ Usual = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Solved:
-    """Where the moments vanish.
+    """Where the moments vanish."""
 
-    Attributes:
-        servo: the controller.
-        information: of a search that begins at the servo; its transpose times itself is the inverse of a
-            covariance, shape (k, k).
-        error: sum of squares of the law's whitened error. rows: their number.
-    """
-
-    servo: Servo
-    information: Floats
-    error: float
-    rows: int
+    servo: Servo  # the controller
+    information: Floats  # of a search begun at the servo: R'R is the inverse of a covariance, shape (k, k)
+    error: float  # sum of squares of the law's whitened error
+    rows: int  # their number
 
     def worse(self, other: Solved) -> float:
         """Return how much larger the error is than another's, over its variance."""
@@ -65,18 +58,9 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
     """Return the law of a form whose moments vanish, or None where the search ends at a known one, or not at all.
 
     Shapes are held to usual ones as far as the moments leave them open. Dead time and offset stay: the logged
-    effort knows nothing of them.
-
-    Args:
-        law: the windows.
-        start: where the search begins; its form is kept.
-        usual: shapes that are usual.
-        known: answers of the same form.
-        turns: most steps.
-        renewed: steps at which the instruments follow; then they stay: any near the answer are as good.
-        close: step at which the search ends, in units of the search.
-        rough: step beyond which the last one is no end.
-        longest: step.
+    effort knows nothing of them. For ``renewed`` of at most ``turns`` steps the instruments follow; then they
+    stay: any near the answer are as good. A step is ``longest`` at most in units of the search, which ends at a
+    ``close`` one; a last one beyond ``rough`` is no end.
     """
     search, x = search_of(start)
     P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
@@ -171,13 +155,9 @@ def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12
     """Return the controller that the moments speak for, after it what they speak for as well; or none.
 
     Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
-    which also settles what the moments leave open, on the problem that :func:`beside_moments` makes.
-
-    Args:
-        p: the axis.
-        near: its controller, from the output error; its form is kept.
-        tells: rise of the law's whitened squared error, over its variance, at which an answer is out.
-        steps: of the search in which the output error settles what the moments leave open.
+    which also settles in ``steps`` what the moments leave open, on the problem that :func:`beside_moments`
+    makes. ``near`` is that of the output error, whose form is kept; a rise of the whitened squared error over
+    its variance by ``tells`` puts an answer out.
     """
     near = _without_feedforward(p, near, tells, steps) or near
     law, q = LawAlone.of(p, near), beside_moments(p)

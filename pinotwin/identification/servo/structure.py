@@ -40,17 +40,11 @@ def look(
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
-    Args:
-        p: the axis.
-        friction: which friction of :data:`PLANT` may be refined beside the controller.
-        allowed: whether such factors leave the plant's own fit as good.
-        pays: a larger structure must bring the held-out error below this share of the smaller one's.
-        simpler_pays: a law with fewer gains is kept if the larger costs more than this share of its held-out error.
-        fits: a law with fewer gains fits its windows about as well, its cost below this many times the others':
-            held-out windows that hardly move tell no law from another.
-
-    A notch is looked for where the law without one leaves something of e, and taken where it pays on
-    windows that were not fitted. A law that does not hold the axis is none.
+    A notch is looked for where the law without one leaves something of e, and taken where it pays on windows
+    that were not fitted. A law that does not hold the axis is none. Friction is refined beside it where the
+    plant's own fit stays as good. A larger structure must bring the held-out error below the share ``pays``; a
+    law with fewer gains is kept unless that costs more than ``simpler_pays``, if its cost is below ``fits``
+    times the others': held-out windows that hardly move tell no law from another.
     """
     train, judge = p.split()
     begun = starts(train)
@@ -143,10 +137,7 @@ def afresh(p: AxisProblem) -> list[Found]:
 def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]] = USUAL) -> Found:
     """Return the controller with its gains from all windows, its intervals, and the cascade that fits as well.
 
-    Args:
-        p: the axis.
-        found: what :func:`look` returned.
-        usual: shapes to hold on to where the log tells nothing: what the other axes show, say.
+    Where the log tells nothing of a shape it holds on to a usual one: what the other axes show, say.
     """
     p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
