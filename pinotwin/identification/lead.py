@@ -25,7 +25,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import differentiate, low_pass
 from pinotwin.solve.lead import put_back
-from pinotwin.solve.linear import Options, linear
+from pinotwin.solve.linear import linear
 
 _ORDER = 4  # of the low-pass that the effort went through
 
@@ -70,7 +70,8 @@ def find_leads(  # noqa: PLR0913, what decides has its default
         before = linear(problem, replace(options, inference="none")).residual
         p, names = problem.parameters, (*problem.names, *(f"lead {k}" for k in motors))
         wide = replace(problem, W=np.column_stack([problem.W, columns[mask]]), names=names)
-        options, found = _widened(options, len(motors)), np.zeros(len(motors))
+        options = options.by_coefficient(lambda x, none: np.append(x, np.full(len(motors), none)))
+        found = np.zeros(len(motors))
         for inference in ("none", "none", options.inference):
             y = _efforts(machine, motion, rows, motors, found)[mask]
             fit = linear(replace(wide, y=y), replace(options, inference=inference))
@@ -109,23 +110,6 @@ def _columns(machine: Machine, motion: Motion, effort: Floats, rows: Rows) -> tu
 
 def _ratio(machine: Machine) -> Floats:
     return np.eye(machine.nv) if machine.transmission is None else machine.transmission
-
-
-def _widened(options: Options, more: int) -> Options:
-    """Return the options of a problem with so many free columns more."""
-
-    def wide(x: Floats | None, value: float) -> Floats | None:
-        return None if x is None else np.concatenate([x, np.full(more, value)])
-
-    prior = options.prior
-    mean = None if prior is None else wide(prior.mean, 0.0)
-    return replace(
-        options,
-        prior=None if prior is None or mean is None else replace(prior, mean=mean),
-        ridge=wide(options.ridge, np.inf),
-        lower=wide(options.lower, -np.inf),
-        upper=wide(options.upper, np.inf),
-    )
 
 
 def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], leads: Floats) -> Floats:

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section, kernels
+from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section
 from pinotwin.loop.identify import on_bound, pole_fit
 from pinotwin.loop.layout import lay_out
 from pinotwin.loop.projection import Scales
@@ -178,15 +178,5 @@ def _states(modal: ModalStep, w: Floats, x0: Floats) -> Floats:
     """Return the states of all blocks, shape (n, k, 2)."""
     k = len(modal.A)
     out = np.zeros((len(w), 2 * k))
-    C = np.eye(2 * k).reshape(2 * k, k, 2)
-    kernels.simulate(
-        modal.A,
-        np.stack([modal.B0, modal.B1], axis=1),
-        np.ascontiguousarray(C),
-        np.ascontiguousarray(w.T[modal.input]),
-        x0.copy(),
-        0,
-        len(w),
-        out,
-    )
+    modal.respond(w, x0, np.eye(2 * k).reshape(2 * k, k, 2), out)
     return out.reshape(len(w), k, 2)

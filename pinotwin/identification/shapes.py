@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
 from pinotwin.identification.settings import better
 from pinotwin.motion import Motion
-from pinotwin.solve.linear import Options, Prior
+from pinotwin.solve.linear import Options
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.result import LinearFit, ShapeFit
 from pinotwin.solve.separable import separable
@@ -45,7 +44,7 @@ def search_shapes(
     blocks = [_moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched]
     present = {k: np.array(effects[i].shape_values()) for k, i in enumerate(searched)}
     known = {} if unknown is None else {k: x for k, x in present.items() if searched[k] not in unknown}
-    found = separable(problem, blocks, _permuted(options, order), known)
+    found = separable(problem, blocks, options.by_coefficient(lambda x, _: x[order]), known)
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
 
@@ -101,17 +100,6 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
         log=np.array([s.log for s in shapes]),
         starts=effect.grid(motion),
     )
-
-
-def _permuted(options: Options, order: Ints) -> Options:
-    def pick(x: Floats | None) -> Floats | None:
-        return None if x is None else x[order]
-
-    prior = options.prior
-    if prior is not None:
-        prior = Prior(prior.mean[order], pick(prior.std))
-    kept: dict[str, Any] = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
-    return replace(options, prior=prior, **kept)
 
 
 def _restored(fit: LinearFit, back: Ints) -> LinearFit:

@@ -13,7 +13,6 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, TwinError, nearest
-from pinotwin.loop import kernels
 from pinotwin.loop.data import rates
 from pinotwin.loop.fit import LoopFit
 from pinotwin.loop.layout import Layout, lay_out
@@ -173,9 +172,9 @@ class LoopModel:
         return ModalStep(
             h,
             driven,
-            parts.A[index],
-            parts.B0[index],
-            parts.B1[index],
+            parts.A[index, 0],
+            parts.B[index, 0, 0],
+            parts.B[index, 1, 0],
             C,
             D,
             self.residues[:, -1].copy(),
@@ -215,17 +214,8 @@ class LoopModel:
             )
         modal = self.modal(h)
         out = np.outer(velocity, modal.D[:, -1]) + np.outer(acceleration, modal.Da)
-        x = modal.equilibrium(w[0]) if x0 is None else np.array(x0, dtype=float)
-        kernels.simulate(
-            modal.A,
-            np.stack([modal.B0, modal.B1], axis=1),
-            modal.C,
-            np.ascontiguousarray(w.T[modal.input]),
-            x,
-            0,
-            len(w),
-            out,
-        )
+        x = modal.equilibrium(w[0]) if x0 is None else np.asarray(x0, dtype=float)
+        modal.respond(w, x, modal.C, out)
         return out
 
     def _place(self, name: str, known: Sequence[str], what: str) -> int:

@@ -25,13 +25,13 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.loop import kernels
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout, Ties
 from pinotwin.loop.responses import (
     free_places,
     free_response,
     memory,
-    run_filter,
     triangle,
     without_free,
 )
@@ -119,7 +119,8 @@ class Projection:
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
-            run_filter(discrete, slot.section, self.inputs[slot.input], self.blocks, part)
+            A, B = discrete.A[slot.section], discrete.B[slot.section]
+            kernels.filter_section(A, B, self.inputs[slot.input], self.blocks, np.zeros(2), part)
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]

@@ -28,21 +28,6 @@ def free_places(layout: Layout) -> list[Ints]:
     return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
 
 
-def run_filter(
-    discrete: Discrete, s: int, w: Floats, blocks: Ints, out: Floats, start: Floats | None = None
-) -> None:
-    """Filter one input by one section into ``out``, from a state beside the equilibrium of its first sample."""
-    start = np.zeros(2) if start is None else start
-    A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
-    B = np.stack(
-        [
-            np.concatenate([discrete.B0[s][None], discrete.dB0[s]]),
-            np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
-        ]
-    )
-    kernels.filter_section(A, B, w, blocks, start, out)
-
-
 def memory(sections: Sequence[Section], step: float, constants: float = 18.0) -> int:
     """Return after how many samples the slowest free response is forgotten: of its time constants, to 1e-8."""
     rates = []
@@ -64,7 +49,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
         own = []
         for j in range(section.order):
             out = np.zeros((1, 2 if section.order == 1 else 6, n))
-            run_filter(discrete, s, silent, block, out, np.eye(2)[j])
+            kernels.filter_section(discrete.A[s], discrete.B[s], silent, block, np.eye(2)[j], out)
             own.append(out[0])
         values += [x[0] for x in own]
         for i in range(section.order):

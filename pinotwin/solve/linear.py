@@ -9,9 +9,10 @@ Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iteratio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,18 @@ class Options:
     sigma: Floats | None = None  # known noise level per axis; None to find it
     tolerance: float = 1e-9  # smallest relative pivot of the scaled columns that counts as seen
     inference: Inference = "hac"  # see :mod:`pinotwin.solve.covariance`
+
+    def by_coefficient(self, change: Callable[[Floats, float], Floats]) -> Options:
+        """Return the same for other coefficients: each array (p,) changed, given what stands for none in it."""
+        none = {"ridge": np.inf, "lower": -np.inf, "upper": np.inf}
+        given = {name: getattr(self, name) for name in none}
+        prior = self.prior
+        if prior is not None:
+            prior = Prior(change(prior.mean, 0.0), None if prior.std is None else change(prior.std, np.inf))
+        changed: dict[str, Any] = {
+            name: None if x is None else change(x, none[name]) for name, x in given.items()
+        }
+        return replace(self, prior=prior, **changed)
 
 
 @dataclass(frozen=True)
