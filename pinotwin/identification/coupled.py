@@ -13,7 +13,7 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import MISSED, PLANT, AxisProblem, Factors, Found, look, settle, shared
+from pinotwin.identification.servo import PLANT, AxisProblem, Factors, Found, look, settle, shared
 from pinotwin.identification.servo.problem import skipped
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log
@@ -64,7 +64,7 @@ def fit_servos(
         dry = _friction_effort(plant, motion, name)
         problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
         refinable = problem and _refinable(plant, motion, problem, dry, name, settings.no_worse)
-        servo = problem and refinable and look(problem, *refinable)
+        servo = problem and refinable and look(problem, *refinable, settings)
         if not problem or not servo:
             return "no law keeps the simulated axis on its command; plant and log do not fit together"
         return problem, servo
@@ -79,13 +79,15 @@ def fit_servos(
         else:
             looked[name] = one
     usual = shared(list(looked.values()))
-    settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(looked.values(), usual, strict=True)))
+    settled = side_by_side(
+        lambda x: settle(*x[0], x[1], settings), list(zip(looked.values(), usual, strict=True))
+    )
     for name, servo in zip(looked, settled, strict=True):
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
         found.quality[name] = _row(servo)
-        if not servo.held_out[0] <= MISSED:
+        if not servo.held_out[0] <= settings.missed:
             found.notes.append(
                 f"{name}: the identified controller fails to predict {servo.held_out[0]:.0%} of the tracking error "
                 "on held-out data. Do not use its gains; an effect of the plant may be missing"

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Found, misfit
-from pinotwin.identification.servo.problem import AS_FOUND, PLANT, USUAL, AxisProblem
+from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, PLANT, AxisProblem
 from pinotwin.loop.roots import Roots
 from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
 from pinotwin.solve.sandwich import batch_means
@@ -42,10 +42,10 @@ def shared(
             if name in SHAPES:
                 variance = V[i] * p.correlated / max(rows, 1) * f.cost / 2.0
                 logs[k, name] = float(np.log(getattr(f.servo, name)))
-                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
+                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / DRIVES[name][1] ** 2, 0.0)
     out = []
     for k in range(len(looked)):
-        usual = dict(USUAL)
+        usual = dict(DRIVES)
         for name in SHAPES:
             others = [key for key in logs if key[1] == name and key[0] != k]
             w, x = np.array([told[key] for key in others]), np.array([logs[key] for key in others])
@@ -53,8 +53,8 @@ def shared(
                 continue
             mean = float(w @ x / w.sum())
             width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), alike**2)
-            weights = 1.0 / USUAL[name][1] ** 2, 1.0 / width
-            middle = (weights[0] * np.log(USUAL[name][0]) + weights[1] * mean) / sum(weights)
+            weights = 1.0 / DRIVES[name][1] ** 2, 1.0 / width
+            middle = (weights[0] * np.log(DRIVES[name][0]) + weights[1] * mean) / sum(weights)
             usual[name] = (float(np.exp(middle)), float(np.sqrt(1.0 / sum(weights))))
         out.append(usual)
     return out

@@ -22,7 +22,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.law_alone import LawAlone
 from pinotwin.identification.servo.output_error import Found, Search, polish, search_of
-from pinotwin.identification.servo.problem import USUAL, AxisProblem
+from pinotwin.identification.servo.problem import DRIVES, AxisProblem
 from pinotwin.loop.servo import SHAPES, Servo
 
 LATER = (0.7, 1.4)
@@ -161,7 +161,7 @@ def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12
     """
     near = _without_feedforward(p, near, tells, steps) or near
     law, q = LawAlone.of(p, near), beside_moments(p)
-    solved = [] if law is None else answers(law, near, USUAL)
+    solved = [] if law is None else answers(law, near, DRIVES)
     likely = [s for s in solved if s.worse(solved[0]) < tells]
     found = [(s, polish(q, s.servo, steps=steps, known=s.information)) for s in likely]
 
@@ -185,7 +185,7 @@ def _without_feedforward(p: AxisProblem, near: Servo, tells: float, steps: int) 
     law = None if bare is None else LawAlone.of(p, bare.servo)
     if bare is None or law is None:
         return None
-    plain, ahead = (solve(law, s, USUAL) for s in (bare.servo, near))
+    plain, ahead = (solve(law, s, DRIVES) for s in (bare.servo, near))
     r = law.left(near)
     least = min(float(r @ r), np.inf if ahead is None else ahead.error)
     told = plain is not None and (plain.error / least - 1.0) * plain.rows < tells

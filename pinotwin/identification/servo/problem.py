@@ -16,7 +16,7 @@ from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.law import Law
 from pinotwin.simulation.state import Lookup
 
-USUAL = {
+DRIVES = {
     "velocity_lag": (4e-4, 1.0),
     "output_lag": (2e-4, 1.0),
     "dead": (1.2e-4, 1.0),
@@ -73,7 +73,7 @@ class AxisProblem:
     stretches: tuple[slice, ...] = ()  # rows without a gap
     sizes: Floats = field(default_factory=lambda: np.ones(2))  # RMS of e and u over the windows, shape (2,)
     noise: Floats = field(default_factory=lambda: np.ones(2))  # share below which an error is none
-    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)  # usual shapes
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: DRIVES)  # usual shapes
     correlated: float = 20.0  # rows of residual that tell as much as one independent row
     quiet: float = 5e-4  # error of a signal, as a share of its RMS, that is no worse than none
 
