@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
+
+import msgspec
 
 
 @dataclass(frozen=True)
@@ -76,3 +78,11 @@ class LoopFit:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the fit that :meth:`to_dict` wrote."""
+        errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
+        rows = msgspec.convert(values["parameters"], tuple[ParameterFit, ...])
+        lists = {k: tuple(values[k]) for k in ("ends", "notes")}
+        return cls(**{**values, **lists, "parameters": rows, "numerator_errors": errors})

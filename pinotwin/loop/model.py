@@ -244,6 +244,7 @@ class LoopModel:
             TwinError: a key is missing.
         """
         try:
+            fit = values.get("fit")
             return cls(
                 axis=values["axis"],
                 disturbances=tuple(values["disturbances"]),
@@ -252,7 +253,7 @@ class LoopModel:
                 structure=Structure.from_dict(values["structure"]),
                 sections=msgspec.convert(values["sections"], tuple[Section, ...]),
                 residues=np.array(values["residues"], dtype=float),
-                fit=msgspec.convert(values.get("fit"), LoopFit | None),
+                fit=None if fit is None else LoopFit.from_dict(fit),
             )
         except KeyError as missing:
             raise TwinError(f"loop: key {missing} is missing; identify the twin again") from None

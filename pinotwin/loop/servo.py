@@ -302,8 +302,7 @@ class Servo:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the controller that :meth:`to_dict` wrote."""
-        limit = values.get("limit")
-        return msgspec.convert({**values, "limit": math.inf if limit is None else limit}, cls)
+        return msgspec.convert({name: x for name, x in values.items() if x is not None}, cls)
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:

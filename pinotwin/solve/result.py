@@ -30,7 +30,7 @@ class LinearFit:
     condition: float  # condition number of the seen, scaled columns
     determined: Mask  # whether the data determine each parameter, shape (p,)
     unexcited: tuple[int, ...]  # parameters whose column is empty in these data
-    groups: tuple[tuple[int, ...], ...]  # parameters that these data cannot tell apart
+    groups: tuple[tuple[int, ...], ...]  # parameters that these data cannot distinguish
     active: Mask  # parameters that sit on a bound, shape (p,)
     lower: Floats  # bounds, shape (p,), -inf for none
     upper: Floats  # bounds, shape (p,), inf for none
