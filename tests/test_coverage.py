@@ -18,6 +18,7 @@ from pinotwin.effects import Coulomb, Viscous
 from pinotwin.identification.assemble import assemble, choose_rows
 from pinotwin.solve.linear import linear
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from tests.stacked import interval
 from tests.virtual_motion import inverse_dynamics
 
 DRAWS = 40
@@ -75,7 +76,7 @@ def test_intervals_of_the_base_parameters_cover_the_truth(run):
     for _ in range(DRAWS):
         noise = np.stack([coloured(rng, len(motion), s) for s in size], axis=1)
         fit = linear(assemble(dataclasses.replace(motion, u=clean + noise), machine.effects, rows))
-        low, high = fit.interval(0.95)[:count].T
+        low, high = interval(fit)[:count].T
         hits.append((low <= truth) & (truth <= high))
     coverage = float(np.mean(hits))
     assert 0.90 <= coverage <= 0.98

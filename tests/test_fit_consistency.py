@@ -11,8 +11,8 @@ from pinotwin.errors import DataError
 from pinotwin.solve import consistency
 from pinotwin.solve.consistency import Bodies, Evidence, consistent
 from pinotwin.solve.linear import Options, linear
-from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.solve.pseudoinertia import pseudo_inertia
+from tests.stacked import AxisRows, stack
 
 
 def robot(seed=0, joints=3):
@@ -74,7 +74,7 @@ def fitted(seed, noise, n=200, prior_error=0.1):
         y = W[:, i] @ pi + 0.5 * v[i] + noise * rng.standard_normal(n)
         parts.append(AxisRows(np.column_stack([W[:, i][:, index], extra]), y, np.arange(n)))
     names = [f"b{i}" for i in range(len(index))] + [f"fv{i}" for i in range(nv)]
-    problem = Problem.stack(parts, names)
+    problem = stack(parts, names)
     pi0 = pi * (1 + prior_error)  # a heavier machine is consistent too
     bodies = tuple(np.arange(10 * k, 10 * k + 10) for k in range(nv))
     lower = np.concatenate([np.full(len(index), -np.inf), np.zeros(nv)])

@@ -10,8 +10,8 @@ from scipy.signal import butter, filtfilt, lfilter
 from pinotwin.signals import burg
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
 from pinotwin.solve.linear import Options, linear
-from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.solve.sandwich import long_run
+from tests.stacked import AxisRows, interval, stack
 
 MIX = np.array([[1, 0.5, 0], [0, 1, 0.3], [0, 0, 1]])  # the axes' noise is correlated
 LEVEL = np.array([1.0, 10.0, 0.1])
@@ -73,9 +73,9 @@ def coverage(noise, inference, draws=150, n=500, keep=1.0):
             AxisRows(W[c], (W @ truth + e[:, i])[c], time[c])
             for i, (W, c) in enumerate(zip(Ws, chosen, strict=True))
         ]
-        problem = Problem.stack(parts, [f"p{k}" for k in range(30)])
+        problem = stack(parts, [f"p{k}" for k in range(30)])
         fit = linear(problem, Options(inference=inference))
-        low, high = fit.interval(0.95).T
+        low, high = interval(fit).T
         hits.append((low < truth) & (truth < high))
     return float(np.mean(hits))
 
@@ -102,8 +102,8 @@ def test_heteroscedastic_noise_is_covered_too():
     for _ in range(200):
         x = np.sin(np.arange(600) * 0.05) ** 3
         e = rng.standard_normal(600) * np.abs(x) * 3
-        problem = Problem.stack([AxisRows(x[:, None], x + e, np.arange(600))], ["p"])
-        low, high = linear(problem, Options()).interval()[0]
+        problem = stack([AxisRows(x[:, None], x + e, np.arange(600))], ["p"])
+        low, high = interval(linear(problem, Options()))[0]
         hits.append(low < 1 < high)
     assert np.mean(hits) > 0.90
 
@@ -125,16 +125,16 @@ def test_blocks_are_not_correlated_with_each_other():
     time = np.arange(2 * n)
     far = np.where(time < n, time, time + 10 * n)
     blocks = (time >= n).astype(int)
-    one = linear(Problem.stack([AxisRows(W, e, far)], "ab"))
-    two = linear(Problem.stack([AxisRows(W, e, time % n, blocks)], "ab"))
+    one = linear(stack([AxisRows(W, e, far)], "ab"))
+    two = linear(stack([AxisRows(W, e, time % n, blocks)], "ab"))
     assert_allclose(one.covariance, two.covariance, rtol=1e-9)
 
 
 def test_decimated_time_is_the_same_time():
     rng = np.random.default_rng(6)
     W, e = rng.standard_normal((300, 2)), ar1(rng, 300)[:, 0]
-    one = linear(Problem.stack([AxisRows(W, e, np.arange(300))], "ab"))
-    two = linear(Problem.stack([AxisRows(W, e, 7 + 5 * np.arange(300))], "ab"))
+    one = linear(stack([AxisRows(W, e, np.arange(300))], "ab"))
+    two = linear(stack([AxisRows(W, e, 7 + 5 * np.arange(300))], "ab"))
     assert_allclose(one.covariance, two.covariance, rtol=1e-12)
 
 
@@ -144,7 +144,7 @@ def test_kernel_is_the_textbook_one():
     n = 400
     W = rng.standard_normal((n, 2))
     y = W @ [1.0, 2.0] + ar1(rng, n)[:, 0]
-    problem = Problem.stack([AxisRows(W, y, np.arange(n))], "ab")
+    problem = stack([AxisRows(W, y, np.arange(n))], "ab")
     fit = linear(problem, Options(sigma=np.ones(1)))
     H = np.linalg.inv(W.T @ W)
     h = np.sum((W @ H) * W, axis=1)
@@ -194,6 +194,6 @@ def test_standard_errors_do_not_hang_on_rounding():
     errors = []
     for factor in (1.0, 1.5, 1.1, 0.7, 1.3):
         scale = np.where(np.arange(p) % 3 == 1, factor, 1.0)
-        fit = linear(Problem.stack([AxisRows(W * scale, y, np.arange(n))], [f"p{k}" for k in range(p)]))
+        fit = linear(stack([AxisRows(W * scale, y, np.arange(n))], [f"p{k}" for k in range(p)]))
         errors.append(fit.standard_errors * scale)
     assert_allclose(errors, np.tile(errors[0], (5, 1)), rtol=1e-9)

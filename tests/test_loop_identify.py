@@ -240,8 +240,8 @@ def test_a_search_from_anywhere_ends_below_its_start(cascade_log):
         start = rng.uniform(low, high)
         end = polish(projection, start, 1e-4, 15)
         assert end.cost < 0.5 * np.sum(projection.evaluate(start).residual ** 2)
-        assert end.cost == pytest.approx(0.5 * np.sum(projection.evaluate(end.theta).residual ** 2))
-        assert np.all((low <= end.theta) & (end.theta <= high))
+        assert end.cost == pytest.approx(0.5 * np.sum(projection.evaluate(end.x).residual ** 2))
+        assert np.all((low <= end.x) & (end.x <= high))
 
 
 def test_idle_and_short_logs_are_refused(cascade_log):

@@ -17,8 +17,8 @@ from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.identification.misfit import correlation_time, own_residual
 from pinotwin.solve.crossval import held_out
-from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from tests.stacked import AxisRows, stack
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_a_place_that_one_part_alone_visits_is_no_misfit() -> None:
     late = np.arange(n) >= 400
     W = np.stack([~late, late], axis=1).astype(float)
     y = W @ [1.0, 30.0] + 0.1 * np.random.default_rng(1).normal(size=n)
-    problem = Problem.stack([AxisRows(W, y, np.arange(n))], ["early", "late"])
+    problem = stack([AxisRows(W, y, np.arange(n))], ["early", "late"])
     held = held_out(problem)
     unsure = held.unsure(problem)
     assert unsure[~late].max() < 0.02

@@ -24,19 +24,12 @@ from pinotwin.solve.problem import Problem
 
 @dataclass(frozen=True)
 class Rows:
-    """Which samples of which joints are fitted.
+    """Which samples of which joints are fitted."""
 
-    Attributes:
-        joints: joints with rows, ascending.
-        kept: for each of them, the samples (after decimation) that are used, shape (m,).
-        block: stretch number of every decimated sample, shape (m,).
-        sample: sample of the motion that each decimated row stands for, shape (m,).
-    """
-
-    joints: tuple[int, ...]
-    kept: tuple[Mask, ...]
-    block: Ints
-    sample: Ints
+    joints: tuple[int, ...]  # joints with rows, ascending
+    kept: tuple[Mask, ...]  # for each of them, the samples (after decimation) that are used, shape (m,)
+    block: Ints  # stretch number of every decimated sample, shape (m,)
+    sample: Ints  # sample of the motion that each decimated row stands for, shape (m,)
 
     def only(self, joint: int) -> Rows:
         """Return the rows of one joint."""
@@ -73,11 +66,6 @@ def pieces(motion: Motion, rows: Rows, settings: Settings) -> Motion | None:
     A search over all values of a shape costs hundreds of times what the last digits do, and which value it is a
     minute shows as well as an hour. An axis that moves for a part of the log is among so many pieces; of one
     with fewer than 100 fitted rows filters and friction at rest leave nothing.
-
-    Args:
-        motion: prepared log(s).
-        rows: what would be fitted.
-        settings: how many rows are long, and how many are left.
     """
     if len(rows.sample) <= settings.long:
         return None
@@ -114,13 +102,7 @@ def joint_columns(motion: Motion, effect: Effect, joint: int) -> Floats | None:
 
 
 def assemble(motion: Motion, effects: Sequence[Effect], rows: Rows | None = None) -> Problem:
-    """Return the stacked least-squares problem of all joints.
-
-    Args:
-        motion: prepared log.
-        effects: what may explain the effort, shapes fixed.
-        rows: rows to use; chosen from the motion when None.
-    """
+    """Return the stacked least-squares problem of all joints, shapes fixed; rows chosen from the motion when None."""
     rows = rows or choose_rows(motion)
     slices = effect_slices(effects)
     total = sum(int(k.sum()) for k in rows.kept)

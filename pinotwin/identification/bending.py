@@ -34,17 +34,11 @@ STIFFER, DAMPED = (0.4, 2.5), (0.2, 5.0)
 
 @dataclass(frozen=True)
 class Bending:
-    """How the passive joints of a machine bend along logs that do not hold them.
+    """How the passive joints of a machine bend along logs that do not hold them."""
 
-    Attributes:
-        machine: with stiffness and damping of its passive joints in machine.yaml.
-        beta: base parameters that drive the joints, shape (b,).
-        springs: as they were moved.
-    """
-
-    machine: Machine
-    beta: Floats
-    springs: tuple[PassiveSpring, ...]
+    machine: Machine  # with stiffness and damping of its passive joints in machine.yaml
+    beta: Floats  # base parameters that drive the joints, shape (b,)
+    springs: tuple[PassiveSpring, ...]  # as they were moved
 
     @classmethod
     def stated(cls, machine: Machine) -> Bending:
@@ -58,9 +52,8 @@ class Bending:
     def moved(self, motion: Motion, most: int = 4000) -> Bending:
         """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
 
-        Args:
-            motion: without the joints; its effort may lack what friction and tables take of it.
-            most: rows that are looked at.
+        The motion is without the joints; its effort may lack what friction and tables take. ``most`` rows are
+        looked at.
         """
         machine, n = self.machine, len(self.springs)
         loads = [load_of(machine, self.beta, motion, s.index) for s in self.springs]
@@ -120,13 +113,7 @@ def bends(machine: Machine, logs: Sequence[Log]) -> bool:
 
 
 def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USUAL) -> Bending | None:
-    """Return how passive joints bend that no log of the machine holds; None where there are none.
-
-    Args:
-        machine: with stiffness and damping of its passive joints in machine.yaml.
-        logs: to identify it on.
-        settings: when a base parameter is told by the motors' rows.
-    """
+    """Return how passive joints bend that no log of the machine holds; None where there are none."""
     if not bends(machine, logs):
         return None
     motion = _motion(machine, logs[0])

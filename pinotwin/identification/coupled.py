@@ -13,14 +13,14 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import MISSED, PLANT, AxisProblem, Factors, Found, look, settle, shared
+from pinotwin.identification.servo import PLANT, AxisProblem, Factors, Found, look, settle, shared
 from pinotwin.identification.servo.problem import skipped
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log
 from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
-from pinotwin.simulation import simulate
+from pinotwin.simulation import compare, simulate
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.system.threads import side_by_side
@@ -29,21 +29,13 @@ from pinotwin.twin import OpenLoop, Parameters, Twin
 
 @dataclass
 class Servos:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        servos: controller of each axis, from all windows.
-        trials: from the first windows only: these are judged on the others.
-        factors: on the plant of the axes, where held-out windows asked for them.
-        quality: per axis the errors, in the fit and held out.
-        notes: axes that were left out, and why.
-    """
-
-    servos: dict[str, Servo] = field(default_factory=dict)
-    trials: dict[str, Servo] = field(default_factory=dict)
-    factors: dict[str, Factors] = field(default_factory=dict)
-    quality: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    servos: dict[str, Servo] = field(default_factory=dict)  # controller of each axis, from all windows
+    trials: dict[str, Servo] = field(default_factory=dict)  # from the first windows only
+    factors: dict[str, Factors] = field(default_factory=dict)  # on the plant of the axes
+    quality: dict[str, Any] = field(default_factory=dict)  # per axis the errors, in the fit and held out
+    notes: list[str] = field(default_factory=list)  # axes that were left out, and why
 
 
 def fit_servos(
@@ -56,13 +48,8 @@ def fit_servos(
 ) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion.
 
-    Args:
-        plant: with its diagonal.
-        motion: prepared log(s), for the disturbance that the axes make for one another.
-        raw: the same rows with nothing filtered.
-        axes: to look at.
-        tell: called with the stage and the share of this step done [0 to 1].
-        settings: by which it decides.
+    The prepared motion says what the axes disturb one another by, ``raw`` holds the same rows with nothing
+    filtered; ``tell`` is called with the stage and the share of this step done [0 to 1].
     """
     assert raw.qr is not None
     d, vr = generalised_disturbance(plant, motion, plant.diagonal), command_velocity(raw)
@@ -77,7 +64,7 @@ def fit_servos(
         dry = _friction_effort(plant, motion, name)
         problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
         refinable = problem and _refinable(plant, motion, problem, dry, name, settings.no_worse)
-        servo = problem and refinable and look(problem, *refinable)
+        servo = problem and refinable and look(problem, *refinable, settings)
         if not problem or not servo:
             return "no law keeps the simulated axis on its command; plant and log do not fit together"
         return problem, servo
@@ -92,13 +79,15 @@ def fit_servos(
         else:
             looked[name] = one
     usual = shared(list(looked.values()))
-    settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(looked.values(), usual, strict=True)))
+    settled = side_by_side(
+        lambda x: settle(*x[0], x[1], settings), list(zip(looked.values(), usual, strict=True))
+    )
     for name, servo in zip(looked, settled, strict=True):
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
         found.quality[name] = _row(servo)
-        if not servo.held_out[0] <= MISSED:
+        if not servo.held_out[0] <= settings.missed:
             found.notes.append(
                 f"{name}: the identified controller fails to predict {servo.held_out[0]:.0%} of the tracking error "
                 "on held-out data. Do not use its gains; an effect of the plant may be missing"
@@ -116,12 +105,7 @@ def _row(found: Found) -> dict[str, Any]:
 
 
 def follows_exactly(raw: Motion, joint: int) -> bool:
-    """Whether a joint moves with an error no larger than the steps in which position and command are written.
-
-    Args:
-        raw: log(s) with commands, nothing filtered.
-        joint: index of the joint.
-    """
+    """Whether a joint of an unfiltered log errs no more than the steps in which position and command are written."""
     assert raw.qr is not None
     rows = np.r_[*raw.segments]
     told = np.stack([raw.regulated[rows, joint], raw.qr[rows, joint]])
@@ -299,15 +283,10 @@ def own_friction(t: Lookup, i: int) -> Lookup:
 def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = USUAL) -> dict[str, Any]:
     """Return which form predicts the end of a log best from its command, and the errors of each.
 
-    On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it is
-    what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must also
-    predict the log from its beginning on as well as the usual one: some drift off within seconds.
-
-    Args:
-        trial: the plant with controllers and loops that have not seen the end of the log.
-        log: a log of the machine in the names of the contract, with commands.
-        tried: the forms.
-        settings: by how much another form must be better, and on how much of the log they are compared.
+    On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it
+    is what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must
+    also predict the log from its beginning on as well as the usual one: some drift off within seconds. The
+    trial's loops and controllers have not seen the end of the log.
     """
     t = log.t
     length = min((t[-1] - t[0]) / 3.0, settings.judged)
@@ -341,15 +320,9 @@ def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float,
         said = simulate(twin, log, controller=form)
     except PinotwinError:
         return np.inf, np.inf
-    ratios: dict[str, list[float]] = {"e": [], "u": []}
-    for name in twin.servos:
-        for signal, found in ratios.items():
-            error = log[f"{name}.qr"] - log[twin.machine.regulated(name)]
-            logged = log[f"{name}.u"] if signal == "u" else error
-            good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
-            size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
-            if size > 0.0:
-                left = (logged - said[f"{name}.{signal}"])[good]
-                found.append(float(np.sqrt(np.mean(left**2))) / size)
-    e, u = (float(np.mean(x)) if x else np.inf for x in ratios.values())
+    found = compare(twin.machine, log.rows(slice(start, None)), said.rows(slice(start, None)))
+    ratios = ([found[name][signal]["nrmse"] for name in twin.servos] for signal in "eu")
+    e, u = (
+        float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else np.inf for x in map(np.array, ratios)
+    )
     return e, u

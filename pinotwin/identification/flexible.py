@@ -27,7 +27,7 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.errors import DataError
-from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score
 from pinotwin.identification.loop_with_mass import tied, with_lag
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
@@ -52,7 +52,7 @@ def tie_loops(
         i = motion.index(name)
         known = (float(plant.diagonal["inertia"][i]), float(plant.diagonal["viscous"][i]))
         data = loop_data(motion, d, name, settings)
-        before = identify_loop(first_part(data), free.structure, starts=searched_poles(free))
+        before = identify_loop(first_part(data), free.structure, starts=free.theta)
         try:
             trial = tied(first_part(data), with_lag(free), *known)
             model = tied(data, trial, *known)
@@ -82,7 +82,7 @@ def vibration_loops(
         try:
             data = vibration_data(plant, motion, axis, passive, settings)
             trial = _with_mode(plant, loops[axis], first_part(data), passive)
-            model = identify_loop(data, trial.structure, starts=searched_poles(trial))
+            model = identify_loop(data, trial.structure, starts=trial.theta)
         except DataError as error:
             out[axis] = {"note": str(error)}
             continue
@@ -114,4 +114,4 @@ def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) 
     wn = np.sqrt(k / I)
     mode = [np.log(wn), np.log(np.clip(0.5 * c / (I * wn), 0.006, 0.6))]
     structure: Structure = replace(alone.structure, pole_pairs=alone.structure.pole_pairs + 1)
-    return identify_loop(data, structure, starts=np.array([[*searched_poles(alone)[0], *mode]]))
+    return identify_loop(data, structure, starts=np.array([[*alone.theta, *mode]]))

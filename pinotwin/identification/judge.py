@@ -14,11 +14,11 @@ from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.identification.plant import Plant, fit_options
-from pinotwin.identification.servo import MISSED
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 from pinotwin.solve.crossval import HeldOut, held_out
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop
@@ -26,23 +26,14 @@ from pinotwin.twin import OpenLoop
 
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
-    """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others.
+    """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others."""
 
-    Attributes:
-        effects: with fixed shapes.
-        length: rows of the motion.
-        rows: which of them the problem holds.
-        problem: rows and columns.
-        folds: parts of the log.
-        held: what the parts predict of one another; None where there are too few rows.
-    """
-
-    effects: tuple[Effect, ...]
-    length: int
-    rows: Rows
-    problem: Problem
-    folds: int
-    held: HeldOut | None
+    effects: tuple[Effect, ...]  # with fixed shapes
+    length: int  # rows of the motion
+    rows: Rows  # which of them the problem holds
+    problem: Problem  # rows and columns
+    folds: int  # parts of the log
+    held: HeldOut | None  # what the parts predict of one another; None where there are too few rows
 
     @classmethod
     def of(
@@ -74,12 +65,9 @@ def error_row(y: Floats, error: Floats) -> dict[str, float]:
     ``nrmse`` is divided by the effort's RMS as in the thesis, ``nrmse_std`` by its standard deviation,
     which gravity cannot flatter.
     """
-    rms = float(np.sqrt(np.mean(error**2)))
-    return {
-        "rms": rms,
-        "nrmse": rms / max(float(np.sqrt(np.mean(y**2))), 1e-300),
-        "nrmse_std": rms / max(float(np.std(y)), 1e-300),
-    }
+    size = rms(error)
+    spread, whole = max(float(np.std(y)), 1e-300), max(rms(y), 1e-300)
+    return {"rms": size, "nrmse": size / whole, "nrmse_std": size / spread}
 
 
 def whiteness_row(residual: Floats) -> dict[str, float]:
@@ -136,12 +124,15 @@ def warnings(
     return out
 
 
-def signs_of_missing_effects(quality: Mapping[str, Any], rigid_pairs: int = 2) -> list[str]:
+def signs_of_missing_effects(
+    quality: Mapping[str, Any], rigid_pairs: int = 2, settings: Settings = USUAL
+) -> list[str]:
     """Return what in the figures of a twin suggests an effect that its machine does not list.
 
     Args:
         quality: of the twin.
         rigid_pairs: pole pairs of a rigid axis under a cascade; another one is a vibration.
+        settings: error from which a controller misses the tracking.
     """
     loops, servos = quality.get("loops", {}), quality.get("servos", {})
     return [
@@ -154,7 +145,7 @@ def signs_of_missing_effects(quality: Mapping[str, Any], rigid_pairs: int = 2) -
         *(
             f"{name}: its controller misses {row['held_out']['e']:.0%} of the tracking error"
             for name, row in servos.items()
-            if row["held_out"]["e"] > MISSED
+            if row["held_out"]["e"] > settings.missed
         ),
     ]
 
@@ -164,12 +155,7 @@ def judge(
 ) -> tuple[dict[str, Any], CrossValidated]:
     """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
 
-    Args:
-        machine: whose plant it is.
-        plant: the fit.
-        found: the same as a twin holds it.
-        later: what was not fitted; adds ``validation`` to every axis.
-        settings: by which it decides.
+    ``found`` is the same as a twin holds it; a motion that was not fitted adds ``validation`` to every axis.
     """
     fit, problem = plant.fit, plant.fit.problem
     validated = CrossValidated.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)

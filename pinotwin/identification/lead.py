@@ -25,26 +25,19 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import differentiate, low_pass
 from pinotwin.solve.lead import put_back
-from pinotwin.solve.linear import Options, linear
+from pinotwin.solve.linear import linear
 
 _ORDER = 4  # of the low-pass that the effort went through
 
 
 @dataclass(frozen=True)
 class Lead:
-    """Time by which a logged effort is ahead of the position.
+    """Time by which a logged effort is ahead of the position."""
 
-    Attributes:
-        seconds: the time [s]; negative when the effort comes late.
-        error: standard error [s].
-        share: of the residual's power of the axis that it explains.
-        significant: whether the effort should be put back by it.
-    """
-
-    seconds: float
-    error: float
-    share: float
-    significant: bool
+    seconds: float  # the time [s]; negative when the effort comes late
+    error: float  # standard error [s]
+    share: float  # of the residual's power of the axis that it explains
+    significant: bool  # whether the effort should be put back by it
 
 
 def find_leads(  # noqa: PLR0913, what decides has its default
@@ -58,17 +51,12 @@ def find_leads(  # noqa: PLR0913, what decides has its default
     finest: float = 0.025,
     fast: float = 0.1,
 ) -> dict[str, Lead]:
-    """Return the lead of every axis that the log can tell it of.
+    """Return the lead of every axis that the log tells, from rows faster than the share ``fast`` of its top speed.
 
-    Args:
-        machine: whose axes they are.
-        motion: prepared log(s), efforts as they were logged.
-        plant: fitted to it.
-        longest: lead beyond which it is another fault of the model [s]; 18 ms is the longest seen on a drive.
-        sure: standard errors that a lead must differ from zero by to be applied.
-        worth: share of the residual's power of its axis that it must explain to be applied.
-        finest: standard error that the sampling of a controller leaves in any case, in steps of the log.
-        fast: share of an axis' top speed, below which rows tell of friction's memory.
+    One is significant that is ``sure`` of its standard errors from zero, shorter than ``longest`` [s] (18 ms is
+    the longest seen on a drive; more is another fault of the model) and explains the share ``worth`` of the
+    residual's power. The sampling of a controller leaves a standard error of ``finest`` steps of the log in any
+    case.
     """
     rows = choose_rows(replace(motion, use=np.ones_like(motion.use)))  # unbroken, to be differentiated
     top = np.abs(motion.v).max(axis=0, initial=0.0)
@@ -82,7 +70,8 @@ def find_leads(  # noqa: PLR0913, what decides has its default
         before = linear(problem, replace(options, inference="none")).residual
         p, names = problem.parameters, (*problem.names, *(f"lead {k}" for k in motors))
         wide = replace(problem, W=np.column_stack([problem.W, columns[mask]]), names=names)
-        options, found = _widened(options, len(motors)), np.zeros(len(motors))
+        options = options.by_coefficient(lambda x, none: np.append(x, np.full(len(motors), none)))
+        found = np.zeros(len(motors))
         for inference in ("none", "none", options.inference):
             y = _efforts(machine, motion, rows, motors, found)[mask]
             fit = linear(replace(wide, y=y), replace(options, inference=inference))
@@ -121,23 +110,6 @@ def _columns(machine: Machine, motion: Motion, effort: Floats, rows: Rows) -> tu
 
 def _ratio(machine: Machine) -> Floats:
     return np.eye(machine.nv) if machine.transmission is None else machine.transmission
-
-
-def _widened(options: Options, more: int) -> Options:
-    """Return the options of a problem with so many free columns more."""
-
-    def wide(x: Floats | None, value: float) -> Floats | None:
-        return None if x is None else np.concatenate([x, np.full(more, value)])
-
-    prior = options.prior
-    mean = None if prior is None else wide(prior.mean, 0.0)
-    return replace(
-        options,
-        prior=None if prior is None or mean is None else replace(prior, mean=mean),
-        ridge=wide(options.ridge, np.inf),
-        lower=wide(options.lower, -np.inf),
-        upper=wide(options.upper, np.inf),
-    )
 
 
 def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], leads: Floats) -> Floats:

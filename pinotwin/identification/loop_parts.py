@@ -24,23 +24,14 @@ TRAINED = 2.0 / 3.0
 
 @dataclass
 class Loops:
-    """Closed loops as found, and what they say of the plant.
+    """Closed loops as found, and what they say of the plant."""
 
-    Attributes:
-        effects: the twin's effects, with shapes refined where that paid.
-        theta: the twin's coefficients, likewise.
-        models: black box of each axis.
-        refined: axes whose effects were refined, with the standard errors found.
-        quality: per axis the errors of both, in the fit and held out, and what was chosen.
-        notes: axes that were left out, and why.
-    """
-
-    effects: tuple[Effect, ...]
-    theta: Floats
-    models: dict[str, LoopModel] = field(default_factory=dict)
-    refined: dict[str, AxisEffects] = field(default_factory=dict)
-    quality: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    effects: tuple[Effect, ...]  # the twin's effects, with shapes refined where that paid
+    theta: Floats  # the twin's coefficients, likewise
+    models: dict[str, LoopModel] = field(default_factory=dict)  # black box of each axis
+    refined: dict[str, AxisEffects] = field(default_factory=dict)  # their effects, with standard errors
+    quality: dict[str, Any] = field(default_factory=dict)  # per axis the errors of both, and what was chosen
+    notes: list[str] = field(default_factory=list)  # axes that were left out, and why
 
     def table(self, plant: OpenLoop) -> Parameters:
         """Return the table of a plant with the rows that the loops refined."""
@@ -60,9 +51,6 @@ def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings
     """Return inputs and outputs of one axis' loop; of a long log twelve pieces in which the axis moves.
 
     The disturbance is that of all joints [N or N·m], shape (n, nv).
-
-    Raises:
-        DataError: the axis has no effort, or does not move.
     """
     i = motion.index(name)
     if motion.qr is None or motion.vr is None or motion.ar is None:
@@ -111,8 +99,3 @@ def both_errors(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str,
 def score(data: LoopData, model: LoopModel) -> float:
     """Return the mean error of the outputs on held-out rows, each over its RMS [-]."""
     return float(np.mean(list(errors(data, model, held_out=True).values())))
-
-
-def searched_poles(model: LoopModel) -> Floats:
-    """Return the logarithms of the searched poles, in the order of the search, shape (1, np)."""
-    return np.array([[np.log(x) for part in model.sections if part.free for x in part.values]])

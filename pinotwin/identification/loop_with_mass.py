@@ -14,23 +14,23 @@ and velocity filter, so one real pole is added. The poles are polished with the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section, kernels
+from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section
 from pinotwin.loop.identify import on_bound, pole_fit
 from pinotwin.loop.layout import lay_out
+from pinotwin.loop.projection import Scales
 from pinotwin.solve.sandwich import block_covariance
 
 
 def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
     """Return a loop with one real pole more, for the lag of drive and filters; residues zero.
 
-    Args:
-        model: without it.
-        start: where its search is to start [Hz], unless the log's sampling is too slow for it.
+    Its search starts at ``start`` [Hz], unless the log's sampling is too slow for it.
     """
     structure = replace(model.structure, real_poles=model.structure.real_poles + 1)
     count = sum(s.order == 1 and not s.feedforward for s in model.sections)
@@ -45,21 +45,16 @@ def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
 
 
 def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most: int = 25) -> LoopModel:
-    """Return the loop with its two rows tied; as it is where its form does not allow that.
+    """Return a loop with its rows e and u tied by M_D [kg or kg·m²] and C; as it is where its form does not allow it.
 
-    Args:
-        data: what the loop was fitted to.
-        model: a loop with the outputs e and u and one disturbance.
-        inertia: M_D [kg or kg·m²].
-        viscous: C [N·s/m or N·m·s/rad].
-        most: evaluations of the search for the poles: they start at those of the free fit.
+    The search makes ``most`` evaluations: its poles start at those of the free fit.
     """
     s = model.structure
     if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":
         return model
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
-    start = np.clip(problem.start, low + 1e-9, high - 1e-9)
+    start = np.clip(model.theta, low + 1e-9, high - 1e-9)
     best = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         start,
@@ -77,12 +72,9 @@ def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats, most
     data, layout = problem.data, problem.model.layout
     variances = np.diag(block_covariance(J, residual))
     numbers = zip(layout.parameters, theta, on_bound(layout, theta), variances, strict=True)
-    at, squares = 0, np.zeros(2)
-    for s in data.segments:
-        part = residual[at : at + 2 * (s.stop - s.start)]
-        squares += np.sum(part.reshape(2, -1) ** 2, axis=1)
-        at += len(part)
-    nrmse = np.sqrt(squares / data.rows)
+    ends = np.cumsum([2 * (s.stop - s.start) for s in data.segments])
+    parts = (part.reshape(2, -1) for part in np.split(residual, ends[:-1]))
+    nrmse = np.sqrt(sum(np.sum(part**2, axis=1) for part in parts) / data.rows)
     return LoopFit(
         parameters=tuple(pole_fit(p, x, int(side), variance, 1.96) for p, x, side, variance in numbers),
         numerator_errors={},
@@ -104,17 +96,10 @@ class _Problem:
     inertia: float
     viscous: float
 
-    @property
-    def start(self) -> Floats:
-        """Logarithms of the searched poles."""
-        sections = self.model.sections
-        return np.log([sections[p.section].values[p.value] for p in self.model.layout.parameters])
-
-    @property
+    @cached_property
     def size(self) -> Floats:
         """RMS of the outputs inside the segments."""
-        inside = np.concatenate([self.data.outputs[s] for s in self.data.segments])
-        return np.maximum(np.sqrt(np.mean(inside**2, axis=0)), 1e-300)
+        return Scales.of(self.data).outputs
 
     def solve(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return the residues of the error row (nc - 2,) and the weighted residual."""
@@ -193,15 +178,5 @@ def _states(modal: ModalStep, w: Floats, x0: Floats) -> Floats:
     """Return the states of all blocks, shape (n, k, 2)."""
     k = len(modal.A)
     out = np.zeros((len(w), 2 * k))
-    C = np.eye(2 * k).reshape(2 * k, k, 2)
-    kernels.simulate(
-        modal.A,
-        np.stack([modal.B0, modal.B1], axis=1),
-        np.ascontiguousarray(C),
-        np.ascontiguousarray(w.T[modal.input]),
-        x0.copy(),
-        0,
-        len(w),
-        out,
-    )
+    modal.respond(w, x0, np.eye(2 * k).reshape(2 * k, k, 2), out)
     return out.reshape(len(w), k, 2)

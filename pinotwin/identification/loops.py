@@ -32,7 +32,6 @@ from pinotwin.identification.loop_parts import (
     first_part,
     loop_data,
     score,
-    searched_poles,
 )
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
@@ -52,21 +51,13 @@ BEGINNINGS, FRESH = 4, 2
 
 @dataclass(frozen=True)
 class ClosedLoops:
-    """What the closed loops add to a twin.
+    """What the closed loops add to a twin."""
 
-    Attributes:
-        plant: with the friction and tables that the loops refined.
-        loops: closed loop of each axis (black box, or the linearised coupled form).
-        servos: controller of each axis.
-        quality: rows ``servos``, ``loops``, ``simulation`` of the twin's quality.
-        warnings: axes that were left out, and why.
-    """
-
-    plant: OpenLoop
-    loops: Mapping[str, LoopModel] = field(default_factory=dict)
-    servos: Mapping[str, Servo] = field(default_factory=dict)
-    quality: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    plant: OpenLoop  # with the friction and tables that the loops refined
+    loops: Mapping[str, LoopModel] = field(default_factory=dict)  # of each axis, black box or linearised
+    servos: Mapping[str, Servo] = field(default_factory=dict)  # controller of each axis
+    quality: Mapping[str, Any] = field(default_factory=dict)  # ``servos``, ``loops``, ``simulation``
+    warnings: tuple[str, ...] = ()  # axes that were left out, and why
 
     def twin(self, **rest: Any) -> Twin:
         """Return the twin of the plant with these loops; the rest are its other attributes."""
@@ -85,14 +76,8 @@ def close_loops(
     The coupled form comes first; where it predicts the tracking error of held-out rows well, its linearised
     system gives poles and transfer functions. Otherwise, on machines with passive joints, and where
     machine.yaml states orders, the source's free black box is identified beside it, and held-out rows decide
-    between them: poles are read from the form that simulates.
-
-    Args:
-        plant: with its diagonal.
-        motion: prepared log(s) with commands.
-        even: the same, unfiltered.
-        tell: called with the stage and the share of the identification done [0 to 1].
-        settings: by which it decides.
+    between them: poles are read from the form that simulates. ``tell`` is called with the stage and the share
+    of the identification done [0 to 1].
     """
     if motion.step > settings.slowest:
         rate, least = 1.0 / motion.step, 1.0 / settings.slowest
@@ -203,11 +188,7 @@ def _black_boxes(
 
 
 def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, settings: Settings) -> None:
-    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined.
-
-    Raises:
-        DataError: there is none.
-    """
+    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined."""
     given = plant.machine.loop.get(data.axis)
     bounds = (given.bounds or None) if given is not None else None
     if given is not None and given.stated:
@@ -237,7 +218,7 @@ def _choose(data: LoopData, settings: Settings) -> LoopModel:
     """Return the loop of the order that pays, fitted to the first part."""
     trial = _first_loop(data, Structure())
     for pairs in range(2, settings.most_pairs + 1):
-        poles = searched_poles(trial)[0]
+        poles = trial.theta
         starts = np.array([[*poles, np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
         more = identify_loop(first_part(data), Structure(pole_pairs=pairs), starts=starts, judged=False)
         if better(trial, [more], functools.partial(score, data), settings.pays) is trial:
@@ -263,12 +244,9 @@ def _refined(
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
-    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that
-    were fitted beside wrong friction pull the friction along, most of all where a structure bends.
-
-    Returns:
-        Data with the disturbance of the effects that were kept, the loop of its first part, and the effects before
-        and after; None where they stay as they are.
+    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that were
+    fitted beside wrong friction pull the friction along, most of all where a structure bends. With the data and
+    the loop of their first part go the effects before and after; None where they stay as they are.
     """
     deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
     mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)
@@ -301,7 +279,7 @@ def _refit(
     Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
     a few usual places.
     """
-    starts = searched_poles(near)
+    starts = near.theta[None]
     if afresh:
         starts = np.concatenate([starts, starting_points(near.layout, FRESH)])
     return identify_loop(data, near.structure, bounds=bounds, starts=starts, judged=judged)

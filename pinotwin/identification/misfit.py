@@ -27,14 +27,9 @@ def misfit_of(
 ) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
-    The parts are predicted by least squares on the others, moved by what physical consistency and the
-    closed loop moved it itself away from least squares on all of them.
-
-    Args:
-        plant: with its final effects and coefficients.
-        motion: the logs it was identified from, prepared.
-        known: its rows as they were fitted, part by part; found anew where loops changed its effects.
-        settings: how many rows are kept, as pieces spread evenly over the whole.
+    The parts are predicted by least squares on the others, moved by what physical consistency and the closed
+    loop moved it itself away from least squares on all of them. What is known of the rows as they were fitted,
+    part by part, is found anew where loops changed its effects.
     """
     motion = without_model(motion)
     if len(motion) > settings.kept:
@@ -71,11 +66,7 @@ def _foreseen(
 
 
 def own_residual(twin: Twin) -> Floats:
-    """Return the cross-validated residual on every row of the own logs, shape (n, nv) [N or N·m].
-
-    Raises:
-        DataError: the twin does not hold its own logs.
-    """
+    """Return the cross-validated residual on every row of the own logs, shape (n, nv) [N or N·m]."""
     if twin.misfit is None:
         raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     return _residual(twin, twin.misfit.motion, twin.misfit.theta, twin.misfit.fold)
@@ -103,13 +94,7 @@ def _fold_of_rows(known: CrossValidated, length: int) -> Ints:
 
 
 def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:
-    """Return axis -> size of the residual in every regime, its spectrum and correlation time.
-
-    Args:
-        motion: the own logs with the rows in use.
-        residual: shape (n, nv).
-        resting: rows at rest, which are in no use, shape (n, nv).
-    """
+    """Return axis -> size of the residual (n, nv) in every regime, its spectrum and correlation time."""
     out: dict[str, Any] = {}
     for j, name in enumerate(motion.names):
         usable = motion.inside & np.isfinite(residual[:, j])

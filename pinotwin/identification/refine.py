@@ -28,25 +28,15 @@ from pinotwin.solve.sandwich import block_covariance
 
 @dataclass(frozen=True)
 class AxisEffects:
-    """The effects of one axis beside the rigid body and viscous friction.
+    """The effects of one axis beside the rigid body and viscous friction."""
 
-    Attributes:
-        axis: its name.
-        effects: with their present shapes.
-        where: indices of all their coefficients in the twin's theta.
-        theta: present coefficients.
-        error: their standard errors in the open-loop fit.
-        lower: bounds of the coefficients.
-        shape_error: standard errors of the shapes (of their logarithms where searched so).
-    """
-
-    axis: str
-    effects: tuple[Effect, ...]
-    where: tuple[int, ...]
-    theta: Floats
-    error: Floats
-    lower: Floats
-    shape_error: Floats | None = None
+    axis: str  # its name
+    effects: tuple[Effect, ...]  # with their present shapes
+    where: tuple[int, ...]  # indices of all their coefficients in the twin's theta
+    theta: Floats  # present coefficients
+    error: Floats  # their standard errors in the open-loop fit
+    lower: Floats  # bounds of the coefficients
+    shape_error: Floats | None = None  # standard errors of the shapes (of their logarithms where searched so)
 
     def columns(self, motion: Motion) -> Floats:
         """Return the columns of all effects, shape (n, p)."""
@@ -87,14 +77,10 @@ class AxisEffects:
 def refine(
     data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, *, explore: bool = False
 ) -> AxisEffects:
-    """Return the effects with shapes and coefficients that explain e and u best through a loop.
+    """Return the effects with shapes and coefficients that explain e and u best through a loop, which is held.
 
-    Args:
-        data: command, disturbance and outputs of the axis; the disturbance belongs to ``found``.
-        model: the loop, held as it is.
-        motion: the motion behind ``data``.
-        found: what to refine.
-        explore: also try friction that falls with speed by the other exponent.
+    The disturbance in the data belongs to ``found``; ``explore`` also tries friction that falls by the other
+    exponent.
     """
     problem = _Through(data, model, motion, found)
     forms = [found]

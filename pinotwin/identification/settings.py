@@ -21,6 +21,12 @@ class Settings:
             friction, a loop tied to the known mass. Its own noise moves an error by about that.
         much_worse: error of a single signal, over that before, from which a gain of the others does not count: ten
             times what is no change.
+        law_pays: error of a controller on windows not fitted, over that of one with fewer gains or shapes, below which
+            it is taken: a law is one for all windows, so that less tells than on a plant.
+        simpler_law: the same above which a law with fewer gains is kept although it has the larger error.
+        moments_worse: error of e or u on those windows, over that of the output error, up to which the gains are those
+            of the law's own signals: they are nearer the truth, and the output error's hide errors of the plant.
+        missed: error of e on those windows, over its RMS, from which a controller is searched afresh and warned of.
         good_tracking: error of the predicted tracking error, over its RMS, below which no free black box is needed:
             an effort that is missed otherwise is the plant's, whatever the form of the loop.
         poor_loop: mean error of a black box, each signal over its RMS, from which its poles are searched afresh: the
@@ -46,6 +52,10 @@ class Settings:
     pays: float = 0.95
     no_worse: float = 1.01
     much_worse: float = 1.1
+    law_pays: float = 0.98
+    simpler_law: float = 0.97
+    moments_worse: float = 1.05
+    missed: float = 0.2
     good_tracking: float = 0.05
     poor_loop: float = 0.1
     most_pairs: int = 3
@@ -67,14 +77,7 @@ USUAL = Settings()
 
 
 def better(usual: T, others: Iterable[T], score: Callable[[T], float], pays: float) -> T:
-    """Return the candidate of the least error; the usual one unless another's is below ``pays`` of its.
-
-    Args:
-        usual: what is taken in doubt.
-        others: what may be taken instead.
-        score: error of a candidate on rows that it was not fitted to [any unit].
-        pays: factor on the usual one's error that another must come below.
-    """
+    """Return the candidate of the least error; the usual one unless another's is below ``pays`` of its [-]."""
     candidates = [usual, *others]
     limits = [score(x) / (pays if k else 1.0) for k, x in enumerate(candidates)]
     return candidates[limits.index(min(limits))]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
 from pinotwin.identification.settings import better
 from pinotwin.motion import Motion
-from pinotwin.solve.linear import Options, Prior
+from pinotwin.solve.linear import Options
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.result import LinearFit, ShapeFit
 from pinotwin.solve.separable import separable
@@ -30,20 +29,11 @@ def search_shapes(
     options: Options,
     unknown: Sequence[int] | None = None,
 ) -> Found:
-    """Find the shapes of some effects together with all coefficients.
+    """Find the shapes of some effects, by their index, together with all coefficients.
 
-    Args:
-        motion: prepared log.
-        effects: all effects, in the order of theta.
-        rows: rows to fit.
-        searched: indices of the effects whose shapes are searched.
-        options: prior and bounds in the order of theta.
-        unknown: those of them that are searched all over; about the others' present shapes only. All by default.
-
-    Returns:
-        The linear fit in the order of the effects, the effects at the shapes found, and for every
-        shape of every effect its standard error (nan where it was not searched) and whether it
-        ended at a bound.
+    Those ``unknown`` are searched all over (all by default), the others about their present shapes only. The
+    fit is in the order of the effects; for every shape of every effect go its standard error (nan where it was
+    not searched) and whether it ended at a bound.
     """
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]
@@ -54,7 +44,7 @@ def search_shapes(
     blocks = [_moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched]
     present = {k: np.array(effects[i].shape_values()) for k, i in enumerate(searched)}
     known = {} if unknown is None else {k: x for k, x in present.items() if searched[k] not in unknown}
-    found = separable(problem, blocks, _permuted(options, order), known)
+    found = separable(problem, blocks, options.by_coefficient(lambda x, _: x[order]), known)
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
 
@@ -62,11 +52,7 @@ def search_shapes(
 def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
     """Return which effects are worth a further shape, with it, by their place: each axis by itself.
 
-    Args:
-        motion: prepared log.
-        effects: all effects, at the shapes found.
-        rows: rows to fit.
-        pays: share of what an axis leaves below which some value of the shape must bring it.
+    Some value of the shape must bring what an axis leaves below the share ``pays``.
     """
     found = {}
     for k, effect in enumerate(effects):
@@ -114,17 +100,6 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
         log=np.array([s.log for s in shapes]),
         starts=effect.grid(motion),
     )
-
-
-def _permuted(options: Options, order: Ints) -> Options:
-    def pick(x: Floats | None) -> Floats | None:
-        return None if x is None else x[order]
-
-    prior = options.prior
-    if prior is not None:
-        prior = Prior(prior.mean[order], pick(prior.std))
-    kept: dict[str, Any] = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
-    return replace(options, prior=prior, **kept)
 
 
 def _restored(fit: LinearFit, back: Ints) -> LinearFit:

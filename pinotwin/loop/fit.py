@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
+import msgspec
+
 
 @dataclass(frozen=True)
 class ParameterFit:
@@ -80,10 +82,7 @@ class LoopFit:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the fit that :meth:`to_dict` wrote."""
-        lists: dict[str, Any] = {k: tuple(values[k]) for k in ("ends", "notes")}
-        rows: list[dict[str, Any]] = [
-            {k: tuple(x) if isinstance(x, list) else x for k, x in p.items()} for p in values["parameters"]
-        ]
-        lists["parameters"] = tuple(ParameterFit(**row) for row in rows)
         errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
-        return cls(**{**values, **lists, "numerator_errors": errors})
+        rows = msgspec.convert(values["parameters"], tuple[ParameterFit, ...])
+        lists = {k: tuple(values[k]) for k in ("ends", "notes")}
+        return cls(**{**values, **lists, "parameters": rows, "numerator_errors": errors})

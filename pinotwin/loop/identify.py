@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -21,9 +21,10 @@ from pinotwin.loop.fit import LoopFit, ParameterFit
 from pinotwin.loop.layout import Bounds, Layout, Parameter, lay_out
 from pinotwin.loop.model import LoopModel
 from pinotwin.loop.projection import Misfit, Projection, Scales
-from pinotwin.loop.search import Found, search
+from pinotwin.loop.search import search
 from pinotwin.loop.sections import discretise
 from pinotwin.loop.structure import Structure
+from pinotwin.solve.descent import End
 from pinotwin.solve.sandwich import batch_means
 
 
@@ -55,17 +56,17 @@ def identify_loop(
     _require_rows(data, layout)
     # On few cores OpenBLAS' own threads make the many small factorisations slower, not faster.
     with threadpool_limits(1, "blas"):
-        found = search(data, layout, starts)
+        found, ends = search(data, layout, starts)
         projection = Projection(data, layout, Scales.of(data))
-        misfit = projection.evaluate(found.theta)
+        misfit = projection.evaluate(found.x)
         residues = misfit.residues * projection.scales.residue_units(layout)
-        model = _model(data, layout, found.theta, residues)
+        names = data.axis, data.disturbance_names, data.output_names
+        model = LoopModel(*names, data.step, layout.structure, layout.shaped(found.x), residues)
         if not judged:
             return model
-        held = on_bound(layout, found.theta) != 0
-        spread = covariance(projection, found.theta, held)
+        spread = covariance(projection, found.x, on_bound(layout, found.x) != 0)
     fit = _judge(data, projection, found, misfit, spread, model)
-    return replace(model, fit=fit)
+    return replace(model, fit=replace(fit, ends=ends))
 
 
 def _require_rows(data: LoopData, layout: Layout) -> None:
@@ -75,18 +76,6 @@ def _require_rows(data: LoopData, layout: Layout) -> None:
             f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about "
             f"{unknown} unknowns; give a longer log or a structure with fewer poles"
         )
-
-
-def _model(data: LoopData, layout: Layout, theta: Floats, residues: Floats) -> LoopModel:
-    return LoopModel(
-        data.axis,
-        data.disturbance_names,
-        data.output_names,
-        data.step,
-        layout.structure,
-        layout.shaped(theta),
-        residues,
-    )
 
 
 def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
@@ -99,31 +88,28 @@ def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
 def _judge(
     data: LoopData,
     projection: Projection,
-    found: Found,
+    found: End,
     misfit: Misfit,
-    spread: Covariance,
+    spread: tuple[Floats, int],
     model: LoopModel,
 ) -> LoopFit:
-    layout = projection.layout
-    sides = on_bound(layout, found.theta)
-    quantile = float(scipy.stats.t.ppf(0.975, max(spread.blocks - 1, 1)))
-    parameters = [
-        pole_fit(p, x, int(side), spread.poles[i, i], quantile)
-        for i, (p, x, side) in enumerate(zip(layout.parameters, found.theta, sides, strict=True))
-    ]
+    layout, (joint, blocks) = projection.layout, spread
+    sides, variances = on_bound(layout, found.x), np.diag(joint)[: len(found.x)]
+    quantile = float(scipy.stats.t.ppf(0.975, max(blocks - 1, 1)))
+    numbers = zip(layout.parameters, found.x, sides, variances, strict=True)
+    parameters = [pole_fit(p, x, int(side), variance, quantile) for p, x, side, variance in numbers]
     parts = misfit.residual.reshape(layout.outputs, -1)
     rms = np.sqrt(np.sum(parts**2, axis=1) / data.rows) * projection.scales.outputs
     rows = np.r_[*data.segments]
     size = np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
     return LoopFit(
         parameters=tuple(parameters),
-        numerator_errors=_numerator_errors(model, found.theta, spread, projection),
+        numerator_errors=_numerator_errors(model, found.x, joint, projection),
         nrmse=dict(zip(data.output_names, (rms / size).tolist(), strict=True)),
         rms=dict(zip(data.output_names, rms.tolist(), strict=True)),
         samples=data.rows,
-        blocks=spread.blocks,
+        blocks=blocks,
         evaluations=found.evaluations,
-        ends=found.ends,
         notes=_notes(parameters),
     )
 
@@ -157,7 +143,7 @@ def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
 
 
 def _numerator_errors(
-    model: LoopModel, theta: Floats, spread: Covariance, projection: Projection
+    model: LoopModel, theta: Floats, joint: Floats, projection: Projection
 ) -> Mapping[str, tuple[float, ...]]:
     """Return standard errors of all numerator coefficients, by the delta method."""
     layout = projection.layout
@@ -172,7 +158,7 @@ def _numerator_errors(
         return [moved.numerator(o, i)[0] for o in model.outputs for i in model.inputs]
 
     here = numerators(base)
-    size, axes = np.linalg.eigh(spread.joint)
+    size, axes = np.linalg.eigh(joint)
     errors = [np.zeros_like(x) for x in here]
     # Along each principal direction of the covariance: as many as there are free numbers.
     for variance, axis in zip(size, axes.T, strict=True):
@@ -186,29 +172,10 @@ def _numerator_errors(
     return {n: tuple(np.sqrt(e).tolist()) for n, e in zip(names, errors, strict=True)}
 
 
-@dataclass(frozen=True)
-class Covariance:
-    """Covariance of the poles and of what follows from them.
+def covariance(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
+    """Return the covariance at the optimum of all logarithms and scaled residues, and on how many blocks it rests.
 
-    Attributes:
-        poles: of the logarithms of the free parameters, shape (np, np); NaN rows for those held.
-        joint: of (all logarithms, all scaled residues), held ones zero, shape (np + ny nc,)
-            squared.
-        blocks: number of blocks.
-    """
-
-    poles: Floats
-    joint: Floats
-    blocks: int
-
-
-def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
-    """Return the covariance at the optimum.
-
-    Args:
-        projection: the separable problem.
-        theta: logarithms of the parameters at the optimum, shape (np,).
-        held: parameters on a bound, taken as known, shape (np,).
+    Its shape is (np + ny nc,) squared; the parameters held on a bound, shape (np,), are taken as known.
     """
     tangents, scores = _linearised(projection, theta)
     ny, nc = projection.layout.outputs, projection.layout.residues
@@ -231,10 +198,7 @@ def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
         T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
         at += G.shape[1] - poles
     own, blocks = batch_means(H, S, poles or total, ny * len(S))
-    joint = T @ own @ T.T
-    found = joint[:count, :count].copy()
-    found[held], found[:, held] = np.nan, np.nan
-    return Covariance(found, joint, blocks)
+    return T @ own @ T.T, blocks
 
 
 def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:

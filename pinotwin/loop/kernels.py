@@ -18,16 +18,11 @@ def flush(x: float) -> float:
 
 @compiled(nogil=True)
 def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
-    """Filter by a section and by its derivatives with respect to log p, or to log wn and log zeta.
+    """Filter w (n,) by a section and by its derivatives with respect to log p, or to log wn and log zeta.
 
-    Args:
-        A: A, dA by wn, dA by zeta, shape (3, 2, 2).
-        B: for each of B0 and B1 the value and its two derivatives, shape (2, 3, 2).
-        w: input, shape (n,).
-        blocks: start, stop, and 1 where a new segment begins, shape (m, 3).
-        start_state: states at the start of a segment beside the equilibrium of the first input.
-        out: the two states, then their derivatives by wn, by zeta, shape (m, 6, rows); of a first-order section its
-            state and the derivative of that, shape (m, 2, rows).
+    A (3, 2, 2) and B (2, 3, 2), for B0 and B1, hold the value and its derivatives; ``blocks`` start, stop and 1
+    where a segment begins, (m, 3). There the state is ``start_state`` beside the equilibrium of the first
+    input. ``out`` gets the states and their derivatives, (m, 6, rows), of a first-order section (m, 2, rows).
     """
     x = 0.0
     y = 0.0
@@ -62,18 +57,10 @@ def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: F
 def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:
-    """Step a modal system over the rows start:stop and add its response to ``out``.
+    """Step a modal system from states x (k, 2) over rows of inputs w (k, n) and add its response to out (n, ny).
 
-    Args:
-        A: one 2 x 2 block per section and input, shape (k, 2, 2).
-        B: input weights at start and end of the interval, shape (k, 2, 2) as [block, start/end,
-            state].
-        C: output rows, shape (ny, k, 2).
-        w: the input of every block, shape (k, n).
-        x: states at row ``start``, shape (k, 2); holds the states at the last row on return.
-        start: first row.
-        stop: one past the last row.
-        out: shape (n, ny); added to.
+    A (k, 2, 2), B (k, 2, 2) as [block, start or end of the interval, state], C (ny, k, 2); x ends at the last
+    row.
     """
     for b in range(len(A)):
         p, q = x[b, 0], x[b, 1]

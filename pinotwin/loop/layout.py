@@ -26,21 +26,13 @@ Bounds = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One searched number.
+    """One searched number."""
 
-    Attributes:
-        name: ``"p1"``, ``"wn1"``, ``"zeta1"``, ``"pff"``.
-        section: index of its section.
-        value: index among the values of the section.
-        lower: lower bound, [Hz] or [-].
-        upper: upper bound.
-    """
-
-    name: str
-    section: int
-    value: int
-    lower: float
-    upper: float
+    name: str  # ``"p1"``, ``"wn1"``, ``"zeta1"``, ``"pff"``
+    section: int  # index of its section
+    value: int  # index among the values of the section
+    lower: float  # lower bound, [Hz] or [-]
+    upper: float  # upper bound
 
     @property
     def scale(self) -> float:
@@ -50,36 +42,22 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Slot:
-    """The states of one section driven by one input.
+    """The states of one section driven by one input."""
 
-    Attributes:
-        input: index of the input; disturbances first, then the command's velocity.
-        section: index of the section.
-        at: index of its first residue.
-        order: number of states.
-    """
-
-    input: int
-    section: int
-    at: int
-    order: int
+    input: int  # index of the input; disturbances first, then the command's velocity
+    section: int  # index of the section
+    at: int  # index of its first residue
+    order: int  # number of states
 
 
 @dataclass(frozen=True)
 class Ties:
-    """Linear ties N.T @ c = g on the residues of one output.
+    """Linear ties N.T @ c = g on the residues of one output."""
 
-    Attributes:
-        allowed: residues that may differ from zero, shape (nc,).
-        N: shape (nc, m); rows that are not allowed are zero.
-        g: shape (m,).
-        dN: derivative of N by each searched parameter's logarithm, shape (np, nc, m).
-    """
-
-    allowed: Mask
-    N: Floats
-    g: Floats
-    dN: Floats
+    allowed: Mask  # residues that may differ from zero, shape (nc,)
+    N: Floats  # shape (nc, m); rows that are not allowed are zero
+    g: Floats  # shape (m,)
+    dN: Floats  # derivative of N by each searched parameter's logarithm, shape (np, nc, m)
 
     def particular(self) -> tuple[Floats, Floats]:
         """Return residues that obey the ties (nc,), and the directions they leave free (nc, nz)."""
@@ -109,23 +87,14 @@ class Ties:
 
 @dataclass(frozen=True)
 class Layout:
-    """Parameters and residues of one structure.
+    """Parameters and residues of one structure."""
 
-    Attributes:
-        structure: the structure.
-        sections: the sections; the values of free ones are starting points.
-        parameters: what is searched.
-        slots: the states per input.
-        disturbances: number of disturbances.
-        outputs: number of outputs.
-    """
-
-    structure: Structure
-    sections: tuple[Section, ...]
-    parameters: tuple[Parameter, ...]
-    slots: tuple[Slot, ...]
-    disturbances: int
-    outputs: int
+    structure: Structure  # the structure
+    sections: tuple[Section, ...]  # the sections; the values of free ones are starting points
+    parameters: tuple[Parameter, ...]  # what is searched
+    slots: tuple[Slot, ...]  # the states per input
+    disturbances: int  # number of disturbances
+    outputs: int  # number of outputs
 
     @property
     def states(self) -> int:
@@ -154,13 +123,7 @@ class Layout:
         return np.array(low), np.array(high)
 
     def ties(self, sections: Sequence[Section], output: int, scale: Floats) -> Ties:
-        """Return the ties on the residues of one output.
-
-        Args:
-            sections: the sections at the present parameters.
-            output: index of the output.
-            scale: the gain 1 in the units of the residues, per input, shape (ni,).
-        """
+        """Return the ties on the residues of one output; ``scale`` is the gain 1 in their units, shape (ni,)."""
         allowed = np.ones(self.residues, dtype=bool)
         allowed[self.states :] = self.structure.passes(output)
         ties = [
@@ -218,16 +181,10 @@ def _leading(section: Section, count: int) -> tuple[Floats, Floats]:
 def lay_out(
     structure: Structure, step: float, shape: tuple[int, int], bounds: Bounds | None = None
 ) -> Layout:
-    """Return the layout of a structure.
-
-    Args:
-        structure: numbers of poles and numerator form.
-        step: sampling interval [s].
-        shape: number of disturbances and of outputs.
-        bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-].
+    """Return the layout of a structure at a step [s], for numbers of disturbances and of outputs.
 
     Raises:
-        InputError: a bound for a parameter that does not exist, or an empty interval.
+        InputError: a bound [Hz] or [-] for a parameter that does not exist, or an empty interval.
     """
     sections = structure.sections(step)
     parameters = _parameters(sections, step, bounds or {})

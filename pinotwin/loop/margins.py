@@ -125,30 +125,25 @@ class Margins:
     peak: float
 
 
+def _asked(servo: Servo, s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+    """Return what acts on the axis for each of e, v, vr and ar, dead time included, at 2 pi i f, shape (4, n)."""
+    A, B, C, D = servo.matrices()
+    states = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (len(s), *B.shape)))
+    return np.asarray((C @ states + D)[:, 0].T * np.exp(-s * servo.dead))
+
+
 def open_loop(servo: Servo, inertia: float, viscous: float, f: Floats) -> Floats:
     """Return L(2 pi i f): controller, dead time and the rigid axis M s² + B s, complex, shape like f."""
     s = 2j * np.pi * f
-    k_e, k_i, k_v = servo.gains[:3]
-    law = k_e + k_i / s + k_v * s / (1.0 + s * servo.velocity_lag)
-    return np.asarray(law * _acts(servo, s) / (inertia * s**2 + viscous * s))
-
-
-def _acts(servo: Servo, s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
-    """Return what acts on the axis of what the law asks for: notch, current loop and dead time."""
-    out = np.exp(-s * servo.dead) / (1.0 + s * servo.output_lag)
-    if servo.notch[0] > 0.0:
-        w, zeros, poles = 2.0 * np.pi * servo.notch[0], servo.notch[1], servo.notch[2]
-        out = out * (s**2 + 2.0 * zeros * w * s + w**2) / (s**2 + 2.0 * poles * w * s + w**2)
-    return out
+    e, v, *_ = _asked(servo, s)
+    return np.asarray((e - s * v) / (inertia * s**2 + viscous * s))
 
 
 def command_peak(servo: Servo, inertia: float, viscous: float, f: Floats) -> float:
     """Return the largest tracking error for a command of size 1 at some frequencies [Hz], friction left out."""
     s = 2j * np.pi * f
-    k_e, k_i, _, k_vr, k_w, k_ar = servo.gains
-    asks = k_e + k_i / s + k_w + k_vr * s + k_ar * s**2
-    plant = inertia * s**2 + viscous * s
-    moves = asks * _acts(servo, s) / plant / (1.0 + open_loop(servo, inertia, viscous, f))
+    e, v, vr, ar = _asked(servo, s)
+    moves = (e + s * vr + s**2 * ar) / (inertia * s**2 + viscous * s + e - s * v)
     return float(np.max(np.abs(1.0 - moves)))
 
 

@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
+import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, TwinError, nearest
-from pinotwin.loop import kernels
 from pinotwin.loop.data import rates
 from pinotwin.loop.fit import LoopFit
 from pinotwin.loop.layout import Layout, lay_out
@@ -80,6 +80,11 @@ class LoopModel:
         return tuple((wn, zeta) for wn, zeta in pairs)
 
     @property
+    def theta(self) -> Floats:
+        """Logarithms of the searched poles, in the order of the search, shape (np,)."""
+        return np.log([self.sections[p.section].values[p.value] for p in self.layout.parameters])
+
+    @property
     def poles(self) -> Floats:
         """All poles, feed-forward included [rad/s], complex, shape (order,)."""
         return np.concatenate([np.roots(_factor(s)) for s in self.sections])
@@ -90,7 +95,8 @@ class LoopModel:
         For the command the numerator holds the factor s; both are as the structure says (the zeros
         that it demands are exactly zero, and the gain of u to its own d is exactly 1).
         """
-        return _fraction(self, self._output(output), self._input(input))
+        places = self._place(output, self.outputs, "output"), self._place(input, self.inputs, "input")
+        return _fraction(self, *places)
 
     def transfer(self, output: str, input: str) -> control.TransferFunction:
         """Return the transfer function from ``input`` to ``output`` as a python-control system."""
@@ -166,9 +172,9 @@ class LoopModel:
         return ModalStep(
             h,
             driven,
-            parts.A[index],
-            parts.B0[index],
-            parts.B1[index],
+            parts.A[index, 0],
+            parts.B[index, 0, 0],
+            parts.B[index, 1, 0],
             C,
             D,
             self.residues[:, -1].copy(),
@@ -208,24 +214,14 @@ class LoopModel:
             )
         modal = self.modal(h)
         out = np.outer(velocity, modal.D[:, -1]) + np.outer(acceleration, modal.Da)
-        x = modal.equilibrium(w[0]) if x0 is None else np.array(x0, dtype=float)
-        kernels.simulate(
-            modal.A,
-            np.stack([modal.B0, modal.B1], axis=1),
-            modal.C,
-            np.ascontiguousarray(w.T[modal.input]),
-            x,
-            0,
-            len(w),
-            out,
-        )
+        x = modal.equilibrium(w[0]) if x0 is None else np.asarray(x0, dtype=float)
+        modal.respond(w, x, modal.C, out)
         return out
 
-    def _output(self, name: str) -> int:
-        return _place(name, self.outputs, f"{self.axis}: no output")
-
-    def _input(self, name: str) -> int:
-        return _place(name, self.inputs, f"{self.axis}: no input")
+    def _place(self, name: str, known: Sequence[str], what: str) -> int:
+        if name not in known:
+            raise DataError(f"{self.axis}: no {what} {name!r}; {nearest(name, known)}")
+        return list(known).index(name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; :meth:`from_dict` restores them exactly."""
@@ -248,9 +244,6 @@ class LoopModel:
             TwinError: a key is missing.
         """
         try:
-            sections = [
-                Section(**{**s, "values": tuple(float(x) for x in s["values"])}) for s in values["sections"]
-            ]
             fit = values.get("fit")
             return cls(
                 axis=values["axis"],
@@ -258,7 +251,7 @@ class LoopModel:
                 outputs=tuple(values["outputs"]),
                 step=float(values["step"]),
                 structure=Structure.from_dict(values["structure"]),
-                sections=tuple(sections),
+                sections=msgspec.convert(values["sections"], tuple[Section, ...]),
                 residues=np.array(values["residues"], dtype=float),
                 fit=None if fit is None else LoopFit.from_dict(fit),
             )
@@ -285,12 +278,6 @@ class LoopModel:
                     row.update(found[name].row())
                 rows.append(row)
         return tuple(rows)
-
-
-def _place(name: str, known: Sequence[str], what: str) -> int:
-    if name not in known:
-        raise DataError(f"{what} {name!r}; {nearest(name, known)}")
-    return list(known).index(name)
 
 
 def _factor(section: Section) -> Floats:

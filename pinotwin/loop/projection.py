@@ -25,13 +25,13 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.loop import kernels
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout, Ties
 from pinotwin.loop.responses import (
     free_places,
     free_response,
     memory,
-    run_filter,
     triangle,
     without_free,
 )
@@ -44,32 +44,20 @@ BLOCK = 1000
 
 @dataclass(frozen=True)
 class Misfit:
-    """The misfit at one set of poles.
+    """The misfit at one set of poles."""
 
-    Attributes:
-        residual: in reduced coordinates; half its square is the cost.
-        jacobian: its derivative by theta.
-        residues: in scaled units, shape (ny, nc).
-    """
-
-    residual: Floats
-    jacobian: Floats
-    residues: Floats
+    residual: Floats  # in reduced coordinates; half its square is the cost
+    jacobian: Floats  # its derivative by theta
+    residues: Floats  # in scaled units, shape (ny, nc)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Units in which the fit works: every signal of size one.
+    """Units in which the fit works: every signal of size one."""
 
-    Attributes:
-        inputs: disturbances and velocity of the command, shape (ni,).
-        acceleration: acceleration of the command.
-        outputs: shape (ny,).
-    """
-
-    inputs: Floats
-    acceleration: float
-    outputs: Floats
+    inputs: Floats  # disturbances and velocity of the command, shape (ni,)
+    acceleration: float  # acceleration of the command
+    outputs: Floats  # shape (ny,)
 
     @classmethod
     def of(cls, data: LoopData) -> Scales:
@@ -131,7 +119,8 @@ class Projection:
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
-            run_filter(discrete, slot.section, self.inputs[slot.input], self.blocks, part)
+            A, B = discrete.A[slot.section], discrete.B[slot.section]
+            kernels.filter_section(A, B, self.inputs[slot.input], self.blocks, np.zeros(2), part)
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]
@@ -154,13 +143,7 @@ class Projection:
         )
 
     def clear_free(self, discrete: Discrete, sections: Sequence[Section], columns: Floats) -> None:
-        """Take the free responses of the segments out of full-length columns, in place.
-
-        Args:
-            discrete: the discrete sections.
-            sections: the continuous ones.
-            columns: shape (rows of all segments, k).
-        """
+        """Take the free responses of the segments out of full-length columns, shape (rows, k), in place."""
         longest = max(s.stop - s.start for s in self.segments)
         n = min(memory(sections, self.step), longest)
         nf = sum(section.order for section in sections)

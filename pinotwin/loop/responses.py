@@ -28,21 +28,6 @@ def free_places(layout: Layout) -> list[Ints]:
     return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
 
 
-def run_filter(
-    discrete: Discrete, s: int, w: Floats, blocks: Ints, out: Floats, start: Floats | None = None
-) -> None:
-    """Filter one input by one section into ``out``, from a state beside the equilibrium of its first sample."""
-    start = np.zeros(2) if start is None else start
-    A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
-    B = np.stack(
-        [
-            np.concatenate([discrete.B0[s][None], discrete.dB0[s]]),
-            np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
-        ]
-    )
-    kernels.filter_section(A, B, w, blocks, start, out)
-
-
 def memory(sections: Sequence[Section], step: float, constants: float = 18.0) -> int:
     """Return after how many samples the slowest free response is forgotten: of its time constants, to 1e-8."""
     rates = []
@@ -64,7 +49,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
         own = []
         for j in range(section.order):
             out = np.zeros((1, 2 if section.order == 1 else 6, n))
-            run_filter(discrete, s, silent, block, out, np.eye(2)[j])
+            kernels.filter_section(discrete.A[s], discrete.B[s], silent, block, np.eye(2)[j], out)
             own.append(out[0])
         values += [x[0] for x in own]
         for i in range(section.order):
@@ -73,11 +58,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
 
 
 def triangle(blocks: Floats) -> Floats:
-    """Return the triangular factor of the rows of all blocks, shape (columns, columns).
-
-    Args:
-        blocks: columns in blocks of rows, shape (m, columns, rows), overwritten; m may be zero.
-    """
+    """Return the triangular factor, shape (columns, columns), of blocks (m, columns, rows), which are overwritten."""
     columns = blocks.shape[1]
     out = np.zeros((columns, columns))
     if len(blocks):
@@ -98,12 +79,7 @@ def _factor(rows: Floats, panel: int = 8) -> Floats:
 
 
 def without_free(R: Floats, layout: Layout) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the rows of a segment's head off its free response, and what gives f.
-
-    Args:
-        R: triangular factor of the columns [F, dF, rest], shape (columns, columns).
-        layout: places of the columns.
-    """
+    """Return the rows of a segment's head off its free response, and what gives f, from the factor of [F, dF, rest]."""
     nf = sum(section.order for section in layout.sections)
     nd = nf + sum(section.order**2 for section in layout.sections)
     inverse = np.asarray(np.linalg.pinv(R[:nf, :nf], rcond=1e-11), dtype=np.float64)

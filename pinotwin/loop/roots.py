@@ -18,20 +18,13 @@ from typing import NamedTuple, Self
 
 
 class Roots(NamedTuple):
-    """What the feedback says of kp and 1/ti.
+    """What the feedback says of kp and 1/ti."""
 
-    Attributes:
-        kp: middle of the kp that there may be [1/s]. rate: the same of 1/ti [1/s].
-        square: 1 + T A, by which a change of 1/ti moves kp the other way [-].
-        apart: square of the difference of the roots [1/s²]; below zero where noise left no real ones.
-        product: kp / ti [1/s²].
-    """
-
-    kp: float
-    rate: float
-    square: float
-    apart: float
-    product: float
+    kp: float  # middle of the kp that there may be [1/s]
+    rate: float  # the same of 1/ti [1/s]
+    square: float  # 1 + T A, by which a change of 1/ti moves kp the other way [-]
+    apart: float  # square of the difference of the roots [1/s²]; below zero where noise left no real ones
+    product: float  # kp / ti [1/s²]
 
     @classmethod
     def of(cls, gains: Sequence[float], lag: float) -> Self:
@@ -46,12 +39,10 @@ class Roots(NamedTuple):
         return 0.5 * math.sqrt(max(self.apart + more, 0.0)) / self.square
 
     def rates(self, named: float, error: float, *, tied: bool) -> tuple[float, float]:
-        """Return the lowest and the highest 1/ti that go with the feedback [1/s].
+        """Return the lowest and the highest 1/ti [1/s] for an ``error`` of ``apart`` at 90 %.
 
-        Args:
-            named: the 1/ti that was found; it says on which side of the middle.
-            error: of ``apart`` at 90 % [1/s²].
-            tied: whether it may as well be on the other.
+        They are on the side of the middle on which the 1/ti ``named`` was found, or on both where it may as
+        well be ``tied``.
         """
         far, near = self.half(error), self.half(-error)
         if tied:

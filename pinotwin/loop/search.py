@@ -9,7 +9,8 @@ the search, and hence every result, is stable.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy
@@ -18,44 +19,21 @@ from pinotwin.arrays import Floats
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout
 from pinotwin.loop.projection import Projection, Scales
-from pinotwin.solve.descent import Remembered, trust_region
-
-GLANCE, NEAR = 4, 1.1
-"""Evaluations on all rows after which a second end is given up, unless its cost is below this many times the best
-one's by then: the search converges quadratically, so that little is left to fall."""
+from pinotwin.solve.descent import End, Remembered, rival, trust_region
 
 
-@dataclass(frozen=True)
-class Found:
-    """End of a search.
-
-    Attributes:
-        theta: logarithms of the parameters, shape (np,).
-        cost: half the scaled sum of squares.
-        evaluations: of the cost, over all starts.
-        ends: cost of every different end of the short search, lowest first, relative to the lowest.
-    """
-
-    theta: Floats
-    cost: float
-    evaluations: int
-    ends: tuple[float, ...] = ()
-
-
-def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> Found:
-    """Return the end of one bounded search from ``theta``."""
-    misfit = Remembered(projection.evaluate)
+def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> End:
+    """Return the end of one bounded search from ``theta``, logarithms of the parameters, shape (np,)."""
 
     def evaluate(x: Floats) -> tuple[Floats, Floats]:
-        return misfit(x).residual, misfit(x).jacobian
+        misfit = projection.evaluate(x)
+        return misfit.residual, misfit.jacobian
 
     if not len(theta):
-        return Found(theta, 0.5 * float(np.sum(evaluate(theta)[0] ** 2)), 1)
+        return End(theta, 0.5 * float(np.sum(evaluate(theta)[0] ** 2)), 1, True)
     tolerances = {"xtol": tolerance, "ftol": tolerance}
-    found = trust_region(
-        evaluate, theta, projection.layout.box, 1e-6, x_scale=0.5, max_nfev=most, **tolerances
-    )
-    return Found(found.x, float(found.cost), misfit.count, (1.0,))
+    box = projection.layout.box
+    return trust_region(Remembered(evaluate), theta, box, 1e-6, x_scale=0.5, max_nfev=most, **tolerances)
 
 
 def starting_points(layout: Layout, count: int = 12) -> Floats:
@@ -91,53 +69,41 @@ def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
     return 8.0, 8.0 * (80.0 / 8.0) ** place, 90.0
 
 
-def search(data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4) -> Found:
-    """Return the best poles on all data.
+def search(
+    data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4, near: float = 1.1
+) -> tuple[End, tuple[float, ...]]:
+    """Return the best poles on all data, and the costs of the different ends of the short search over the lowest.
 
-    Args:
-        data: inputs and outputs.
-        layout: parameters and their bounds.
-        starts: starting points, shape (k, np); spread ones where absent.
-        further: short searches that go on to their ends.
+    It begins at ``starts``, shape (k, np), spread ones where absent; ``further`` short searches go on to their ends;
+    a second end is given up on all rows beyond ``near`` times the best cost.
     """
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
     if len(begin) == 1:  # where another search ended
-        return polish(whole, begin[0])
+        return polish(whole, begin[0]), (1.0,) * min(begin.size, 1)
     piece = liveliest(data)
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
     tried = [polish(short, x, 1e-4, 10) for x in begin]
     first = _different(tried)
-    ended = [polish(short, f.theta, 1e-5) for f in first[:further]]
+    ended = [polish(short, f.x, 1e-5) for f in first[:further]]
     ends = _different([*ended, *first[further:]])
-    best = polish(whole, ends[0].theta)
-    finals = [best, *([] if short is whole else _rival(whole, ends[1:], best.cost))]
+    finals = [polish(whole, ends[0].x)]
+    if short is not whole and len(ends) > 1:
+        finals += rival(partial(polish, whole), ends[1].x, finals[0], near)
     best = min(finals, key=lambda f: f.cost)
+    evaluations = sum(f.evaluations for f in (*tried, *ended, *finals))
     lowest = max(ends[0].cost, 1e-300)
-    return Found(
-        best.theta,
-        best.cost,
-        sum(f.evaluations for f in (*tried, *ended, *finals)),
-        tuple(e.cost / lowest for e in ends),
-    )
+    return replace(best, evaluations=evaluations), tuple(e.cost / lowest for e in ends)
 
 
-def _different(ends: list[Found], same: float = 0.02) -> list[Found]:
+def _different(ends: list[End], same: float = 0.02) -> list[End]:
     """Return ends, the best first, without those as near as ``same`` to one that a better one has found."""
-    out: list[Found] = []
+    out: list[End] = []
     for end in sorted(ends, key=lambda f: f.cost):
-        if all(np.max(np.abs(end.theta - other.theta), initial=0.0) > same for other in out):
+        if all(np.max(np.abs(end.x - other.x), initial=0.0) > same for other in out):
             out.append(end)
     return out
-
-
-def _rival(projection: Projection, others: list[Found], cost: float) -> list[Found]:
-    """Return the best other end of a piece polished on all rows, as far as it may come below a cost."""
-    if not others:
-        return []
-    glance = polish(projection, others[0].theta, most=GLANCE)
-    return [glance] if glance.cost > NEAR * cost else [glance, polish(projection, glance.theta)]
 
 
 def liveliest(data: LoopData, rows: int = 5000, seconds: float = 2.5) -> slice | None:

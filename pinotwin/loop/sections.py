@@ -20,33 +20,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.loop import kernels
 from pinotwin.loop.structure import Section
 
 
-@dataclass(frozen=True)
-class Discrete:
-    """Discrete sections, stacked; a first-order section fills the first of its two states.
+class Discrete(NamedTuple):
+    """Discrete sections, stacked, beside their derivatives by the logarithms of the section's two values.
 
-    Attributes:
-        A: shape (k, 2, 2).
-        B0: weight of the input at the start of the interval, shape (k, 2).
-        B1: weight of the input at its end, shape (k, 2).
-        dA: derivatives by the logarithms of the section's two values, shape (k, 2, 2, 2).
-        dB0: likewise, shape (k, 2, 2).
-        dB1: likewise, shape (k, 2, 2).
+    A first-order section fills the first of its two states.
     """
 
-    A: Floats
-    B0: Floats
-    B1: Floats
-    dA: Floats
-    dB0: Floats
-    dB1: Floats
+    A: Floats  # value and derivatives, shape (k, 3, 2, 2)
+    B: Floats  # weights of the input at start and end of the interval, likewise, shape (k, 2, 3, 2)
 
 
 def continuous(section: Section) -> tuple[Floats, Floats]:
@@ -69,12 +60,7 @@ def derivatives(section: Section) -> tuple[Floats, Floats]:
 
 
 def discretise(sections: Sequence[Section], step: float) -> Discrete:
-    """Return the exact first-order-hold equivalents of the sections.
-
-    Args:
-        sections: the continuous sections.
-        step: sampling interval [s].
-    """
+    """Return the exact first-order-hold equivalents of continuous sections at a sampling interval [s]."""
     k = len(sections)
     M, dM = np.zeros((k, 4, 4)), np.zeros((k, 2, 4, 4))
     M[:, 2, 3] = 1.0
@@ -90,11 +76,8 @@ def discretise(sections: Sequence[Section], step: float) -> Discrete:
     E = scipy.linalg.expm(big)
     parts = np.stack([E[:, :2, 4 * j : 4 * j + 4] for j in range(3)], axis=1)  # (k, 3, 2, 4)
     A, slope = parts[..., :2], parts[..., 3]
-    start = parts[..., 2] - slope
-    return Discrete(
-        *(np.ascontiguousarray(x) for x in (A[:, 0], start[:, 0], slope[:, 0])),
-        *(np.ascontiguousarray(x) for x in (A[:, 1:], start[:, 1:], slope[:, 1:])),
-    )
+    B = np.stack([parts[..., 2] - slope, slope], axis=1)
+    return Discrete(np.ascontiguousarray(A), B)
 
 
 @dataclass(frozen=True)
@@ -141,6 +124,11 @@ class ModalStep:
         x = np.zeros((len(self.A), 2))
         x[:, 0] = np.asarray(w, dtype=float)[self.input]
         return x
+
+    def respond(self, w: Floats, x: Floats, C: Floats, out: Floats) -> None:
+        """Add the outputs C (ny, k, 2) of the states, begun at x (k, 2), to ``out`` (n, ny), for inputs w (n, m)."""
+        B, driven = np.stack([self.B0, self.B1], axis=1), np.ascontiguousarray(w.T[self.input])
+        kernels.simulate(self.A, B, C, driven, x.copy(), 0, len(w), out)
 
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
         """Return C, D, E and F of the outputs' first or second derivative, y'' = C x + D w + E w' + F w''.

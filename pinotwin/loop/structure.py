@@ -41,15 +41,10 @@ Numerators = Literal["exact", "source"]
 
 @dataclass(frozen=True)
 class Channel:
-    """Form of one transfer function.
+    """Form of one transfer function."""
 
-    Attributes:
-        degree: relative degree.
-        gain: gain at frequency zero, None where it is free.
-    """
-
-    degree: int
-    gain: float | None = None
+    degree: int  # relative degree
+    gain: float | None = None  # gain at frequency zero, None where it is free
 
 
 @dataclass(frozen=True)

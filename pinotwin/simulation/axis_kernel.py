@@ -19,53 +19,31 @@ from pinotwin.simulation.state import Lookup
 
 
 class Axis(NamedTuple):
-    """What one axis is made of.
+    """What one axis is made of."""
 
-    Attributes:
-        inertia: M [kg or kg·m²].
-        viscous: C.
-        law: its controller at the internal step.
-    """
-
-    inertia: float
-    viscous: float
-    law: Law
+    inertia: float  # M [kg or kg·m²]
+    viscous: float  # C
+    law: Law  # its controller at the internal step
 
 
 class Course(NamedTuple):
-    """What is asked of the axis, one row a sample: shapes (n,).
+    """What is asked of the axis, one row a sample: shapes (n,)."""
 
-    Attributes:
-        qr: command.
-        vr: its velocity.
-        load: effort that helps the motor.
-        step: sampling interval [s].
-        substeps: internal steps a sample.
-        error: tracking error at which the run is stopped.
-    """
-
-    qr: Floats
-    vr: Floats
-    load: Floats
-    step: float
-    substeps: int
-    error: float
+    qr: Floats  # command
+    vr: Floats  # its velocity
+    load: Floats  # effort that helps the motor
+    step: float  # sampling interval [s]
+    substeps: int  # internal steps a sample
+    error: float  # tracking error at which the run is stopped
 
 
 class Memory(NamedTuple):
-    """Room for what friction and the dead time remember.
+    """Room for what friction and the dead time remember."""
 
-    Attributes:
-        late: efforts of the last steps, shape (1, whole + 2).
-        bend: of presliding elements, shape (m, 7).
-        where: their positions, shape (m,).
-        one: effort, damping and stiffness of the element last moved, shape (3,).
-    """
-
-    late: Floats
-    bend: Floats
-    where: Floats
-    one: Floats
+    late: Floats  # efforts of the last steps, shape (1, whole + 2)
+    bend: Floats  # of presliding elements, shape (m, 7)
+    where: Floats  # their positions, shape (m,)
+    one: Floats  # effort, damping and stiffness of the element last moved, shape (3,)
 
 
 @inlined

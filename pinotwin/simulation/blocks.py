@@ -35,35 +35,22 @@ D_RATE, D_RATE2, DA_RATE2, GAIN, U_V, U_A, U_D, LOAD_E, LOAD_U = range(9)
 class Blocks(NamedTuple):
     """k blocks, sorted by joint; nv joints.
 
-    Attributes:
-        first: first block of each joint, and k at the end, shape (nv + 1,).
-        command: 1 for a block driven by the command's velocity, 0 by the disturbance, shape (k,).
-        source: joint whose command or disturbance that is, shape (k,).
-        A: shape (k, 2, 2).
-        B0: shape (k, 2).
-        B1: shape (k, 2).
-        C: rows e, e', e'', u, shape (k, 4, 2).
-        direct: per joint the direct terms: vr in e', vr and ar in e'', d in e'' (the gain K, near
-            1/M_D), vr, ar and d in u; and what a step of d at the end of an interval adds to e and
-            u, shape (nv, 9).
-        others: joint and source of every effect of another joint's disturbance, shape (m, 2).
-        reach: its gain in e'', and what a step of it adds to e and u, shape (m, 3).
-        pairs: passive joint and axis that count from the ground, shape (p, 2).
-        ideal: 1 for a joint that follows its command exactly, shape (nv,).
+    The direct terms are: vr in e', vr and ar in e'', d in e'' (the gain K, near 1/M_D), vr, ar and d in u; and what
+    a step of d at the end of an interval adds to e and u.
     """
 
-    first: Ints
-    command: Ints
-    source: Ints
-    A: Floats
-    B0: Floats
-    B1: Floats
-    C: Floats
-    direct: Floats
-    others: Ints
-    reach: Floats
-    pairs: Ints
-    ideal: Ints
+    first: Ints  # first block of each joint, and k at the end, shape (nv + 1,)
+    command: Ints  # 1 for a block driven by the command's velocity, 0 by the disturbance, shape (k,)
+    source: Ints  # joint whose command or disturbance that is, shape (k,)
+    A: Floats  # shape (k, 2, 2)
+    B0: Floats  # shape (k, 2)
+    B1: Floats  # shape (k, 2)
+    C: Floats  # rows e, e', e'', u, shape (k, 4, 2)
+    direct: Floats  # per joint the direct terms, in the order of the names above, shape (nv, 9)
+    others: Ints  # joint and source of every effect of another joint's disturbance, shape (m, 2)
+    reach: Floats  # its gain in e'', and what a step of it adds to e and u, shape (m, 3)
+    pairs: Ints  # passive joint and axis that count from the ground, shape (p, 2)
+    ideal: Ints  # 1 for a joint that follows its command exactly, shape (nv,)
 
 
 class _Laid(NamedTuple):
@@ -76,13 +63,7 @@ class _Laid(NamedTuple):
 def lay_blocks(
     machine: Machine, loops: Mapping[str, LoopModel], diagonal: Mapping[str, Floats], step: float
 ) -> Blocks:
-    """Return the blocks of all joints at a sampling interval [s].
-
-    Args:
-        machine: whose joints they are.
-        loops: loop of each axis that has one.
-        diagonal: M_D, C, K; a passive joint's own dynamics are made of them.
-        step: internal step [s].
+    """Return the blocks of all joints at an internal step [s]; of a passive joint from its M_D, C, K.
 
     Raises:
         TwinError: a loop that cannot be laid, or a passive joint without a spring.

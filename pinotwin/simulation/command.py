@@ -29,31 +29,18 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class Request:
-    """What a log asks of a machine; n rows on an even clock.
+    """What a log asks of a machine; n rows on an even clock."""
 
-    Attributes:
-        t: time stamps of the log [s], shape (m,).
-        clock: the even clock, shape (n,); the log's own rows where that is even already.
-        step: its interval [s].
-        qr: joint command [m or rad], shape (n, nv); zero for passive joints.
-        vr: its velocity, by cubic spline, shape (n, nv).
-        external: joint effort of external loads [N or N·m], shape (n, nv), or (1, nv) zeros.
-        even: whether the log's own clock is the even one.
-        source: where the log came from.
-        notes: what was done to it.
-        every: rows of the even clock a row of the log.
-    """
-
-    t: Floats
-    clock: Floats
-    step: float
-    qr: Floats
-    vr: Floats
-    external: Floats
-    even: bool
-    source: str
-    notes: tuple[str, ...]
-    every: int = 1
+    t: Floats  # time stamps of the log [s], shape (m,)
+    clock: Floats  # the even clock, shape (n,); the log's own rows where that is even already
+    step: float  # its interval [s]
+    qr: Floats  # joint command [m or rad], shape (n, nv); zero for passive joints
+    vr: Floats  # its velocity, by cubic spline, shape (n, nv)
+    external: Floats  # joint effort of external loads [N or N·m], shape (n, nv), or (1, nv) zeros
+    even: bool  # whether the log's own clock is the even one
+    source: str  # where the log came from
+    notes: tuple[str, ...]  # what was done to it
+    every: int = 1  # rows of the even clock a row of the log
 
     def at_stamps(self, x: Floats) -> Floats:
         """Return a result of shape (n, ...) at the time stamps of the log, shape (m, ...)."""
@@ -231,18 +218,11 @@ def beginning(
 ) -> tuple[Floats, Floats]:
     """Return position and velocity of the two rows that a machine begins with, shape (2, nv) each.
 
-    They are those of the command, unless it cannot have come in so. A simulation begins in equilibrium with velocity
-    and acceleration of the command, as a log that was cut out of a motion does. An axis that stands has no
-    acceleration yet, whatever the first move asks for, and one whose command begins with a step had the velocity of
-    the rows after it: an integral would be wound up for the step's acceleration.
-
-    Args:
-        qr: command, shape (n, nv).
-        vr: its velocity.
-        step: sampling interval [s].
-        rows: from which it is told how a command begins.
-        jump: acceleration of the first row over the largest of those, above which the command begins with a step.
-        stands: share of the command's top speed below which an axis stands.
+    They are those of the command (n, nv), unless it cannot have come in so. A simulation begins in equilibrium
+    with velocity and acceleration of the command, as a log that was cut out of a motion does. An axis that
+    stands (slower than the share ``stands`` of its top speed) has no acceleration yet, whatever the first move
+    asks for, and one whose command begins with a step (``jump`` times the acceleration of the next ``rows``)
+    had the velocity of the rows after it: an integral would be wound up for the step's acceleration.
     """
     h, qr = step, qr[: rows + 1]
     first = (6.0 * (qr[1] - qr[0]) / h - 4.0 * vr[0] - 2.0 * vr[1]) / h

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.dynamics.stepping import entry, leaf
-from pinotwin.simulation.law import acts, asked, begun, law_of
+from pinotwin.simulation.law import acts, asked, begun
 from pinotwin.simulation.plant_kernel import (
     along,
     bend,
@@ -40,7 +40,7 @@ SERVO, IDEAL, PASSIVE = 0, 1, 2
 @leaf
 def _law(laws, j, h, s):  # type: ignore[no-untyped-def]
     """Step the controller of joint j: fill u (as logged) and the effort that acts."""
-    law, c, late = law_of(laws, j), (s.c[0, j], s.c[1, j], s.c[2, j]), 1.5 * s.v[j] - 0.5 * s.before[j]
+    law, c, late = laws[j], (s.c[0, j], s.c[1, j], s.c[2, j]), 1.5 * s.v[j] - 0.5 * s.before[j]
     s.before[j] = s.v[j]  # the velocity of the scheme is half a step late
     now = (s.law[j, 0], s.law[j, 1], s.law[j, 2], s.law[j, 3], s.law[j, 4])
     s.law[j, 0], s.law[j, 1], s.law[j, 2], s.law[j, 3], s.law[j, 4] = asked(law, h, c, s.q[j], late, now)
@@ -185,7 +185,7 @@ def _begin(kind, laws, s):  # type: ignore[no-untyped-def]
     A law without an integral cannot: its axis begins as far from the command as the effort asks for.
     """
     for j in range(len(s.q)):
-        law, c = law_of(laws, j), (s.c[0, j], s.c[1, j], s.c[2, j])
+        law, c = laws[j], (s.c[0, j], s.c[1, j], s.c[2, j])
         if kind[j] == SERVO and not np.isnan(law.offset) and law.e != 0.0:
             s.q[j] = c[0] - (s.u[j] - law.offset - (law.vr * c[1] + law.ar * c[2] - law.v * s.v[j])) / law.e
         state = begun(law, c, s.q[j], s.v[j], s.u[j])
@@ -255,11 +255,7 @@ def _row(plant, tables, kind, command, row, s, record):  # type: ignore[no-untyp
 @entry
 @leaf
 def run(plant, tables, kind, laws, modes, command, s, record):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a kernel
-    """Step through the whole command from the state ``s``.
-
-    Returns:
-        Row and joint at which the tracking error exceeded its limit, or (-1, -1).
-    """
+    """Step through the whole command; return row and joint at which the tracking error exceeds its limit, or -1, -1."""
     n, nv = command.qr.shape
     h, interval = command.step / command.substeps, (command.step, 1.0 / command.step)
     for row in range(n):

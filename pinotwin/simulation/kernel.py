@@ -204,11 +204,7 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
 @entry
 @leaf
 def run(plant, tables, blocks, command, s, record):  # type: ignore[no-untyped-def]
-    """Step through the whole command from the state ``s``.
-
-    Returns:
-        Row and joint at which the tracking error exceeded its limit, or (-1, -1).
-    """
+    """Step through the whole command; return row and joint at which the tracking error exceeds its limit, or -1, -1."""
     n, nv = command.qr.shape
     old, vr0 = s.old, s.vr0
     interval = command.step, 1.0 / command.step

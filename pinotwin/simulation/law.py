@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.stepping import inlined, leaf
+from pinotwin.dynamics.stepping import inlined
 from pinotwin.loop.servo import Servo
 
 LONGEST = 2.5e-4
@@ -17,40 +17,27 @@ LONGEST = 2.5e-4
 
 
 class Law(NamedTuple):
-    """One controller at one internal step: numbers alone, so that several are rows of one array.
+    """One controller at one internal step: numbers alone, so that several are records of one array."""
 
-    Attributes:
-        e: the six gains, with ``integral``, ``v``, ``vr``, ``slip`` and ``ar``; see :mod:`pinotwin.loop.servo`.
-        see: what the velocity filter moves in a step.
-        lag: what the current loop moves in a step.
-        b0: of the notch, with ``b1``, ``b2``, ``a1`` and ``a2``; no notch where it is 0.
-        whole: dead time in whole steps.
-        part: and the rest of it.
-        limit: largest effort.
-        offset: what the integrator begins with; NaN for what the effort at the start asks for.
-        tick: step of the encoder by which the law is closed; 0 for none.
-        origin: of its steps.
-    """
-
-    e: float
+    e: float  # the six gains of :mod:`pinotwin.loop.servo`, to ``ar``
     integral: float
     v: float
     vr: float
     slip: float
     ar: float
-    see: float
-    lag: float
-    b0: float
+    see: float  # what the velocity filter moves in a step
+    lag: float  # what the current loop moves in a step
+    b0: float  # of the notch, with ``b1``, ``b2``, ``a1`` and ``a2``; no notch where it is 0
     b1: float
     b2: float
     a1: float
     a2: float
-    whole: float
-    part: float
-    limit: float
-    offset: float
-    tick: float
-    origin: float
+    whole: float  # dead time in whole steps
+    part: float  # and the rest of it
+    limit: float  # largest effort
+    offset: float  # what the integrator begins with; NaN for what the effort at the start asks for
+    tick: float  # step of the encoder by which the law is closed; 0 for none
+    origin: float  # of its steps
 
     @classmethod
     def of(cls, servo: Servo, h: float) -> Law:
@@ -64,12 +51,11 @@ class Law(NamedTuple):
         return cls(*numbers)
 
 
-WIDTH = len(Law._fields)
-
-
-def law_rows(servos: Sequence[Servo | None], h: float) -> Floats:
-    """Return controllers at the internal step h, one row a joint, (nv, WIDTH); zeros of a joint without one."""
-    return np.array([np.zeros(WIDTH) if servo is None else Law.of(servo, h) for servo in servos])
+def law_rows(servos: Sequence[Servo | None], h: float) -> np.ndarray:
+    """Return controllers at the internal step h, one record a joint, (nv,); zeros of a joint without one."""
+    nothing = (0.0,) * len(Law._fields)
+    laws = [nothing if servo is None else tuple(Law.of(servo, h)) for servo in servos]
+    return np.array(laws, dtype=[(name, float) for name in Law._fields])
 
 
 def _share(lag: float, h: float) -> float:
@@ -92,32 +78,6 @@ def substeps(sampling: float, longest: float = LONGEST) -> int:
     return max(1, math.ceil(sampling / longest - 1e-9))
 
 
-@leaf
-def law_of(laws, j):  # type: ignore[no-untyped-def]
-    """Return the law in a row of an array (nv, WIDTH)."""
-    return Law(
-        laws[j, 0],
-        laws[j, 1],
-        laws[j, 2],
-        laws[j, 3],
-        laws[j, 4],
-        laws[j, 5],
-        laws[j, 6],
-        laws[j, 7],
-        laws[j, 8],
-        laws[j, 9],
-        laws[j, 10],
-        laws[j, 11],
-        laws[j, 12],
-        laws[j, 13],
-        laws[j, 14],
-        laws[j, 15],
-        laws[j, 16],
-        laws[j, 17],
-        laws[j, 18],
-    )
-
-
 @inlined
 def shown(law, q):  # type: ignore[no-untyped-def]
     """Return the position that the encoder shows."""
@@ -126,15 +86,9 @@ def shown(law, q):  # type: ignore[no-untyped-def]
 
 @inlined
 def asked(law, h, c, q, v, state):  # type: ignore[no-untyped-def]
-    """Step a law; return its state: velocity seen, integral, effort after the current loop, two of the notch.
+    """Step a law by h [s] for a command (and two derivatives), position and velocity; return its new state.
 
-    Args:
-        law: its numbers.
-        h: the step [s].
-        c: command and its two derivatives.
-        q: position.
-        v: velocity.
-        state: before the step.
+    That is the velocity seen, the integral, the effort after the current loop, and two of the notch.
     """
     seen, wound, out, first, second = state
     e = c[0] - shown(law, q)

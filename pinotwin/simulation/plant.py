@@ -22,35 +22,22 @@ from pinotwin.twin.open_loop import OpenLoop
 class Plant:
     """What the generalised disturbance is made of.
 
-    Attributes:
-        tape: rigid body.
-        tables: effects that are functions of position or of speed and direction.
-        other: effects that are neither, nor a load on a spring, with their coefficients.
-        modes: joint, share of the inertia, frequency [Hz] and damping ratio of loads on springs, which the coupled
-            machine alone gives states.
-        diagonal: M_D, C and K, shape (3, nv).
-        limit: largest tracking error that is still believed, shape (nv,).
-        ground: M_D of the passive joints that count from the ground, shape (nv,).
+    Loads on springs get states from the coupled machine alone.
     """
 
-    tape: Tape
-    tables: Lookup
-    other: tuple[tuple[Effect, Floats], ...]
-    modes: tuple[tuple[int, float, float, float], ...]
-    diagonal: Floats
-    limit: Floats
-    ground: Floats
+    tape: Tape  # rigid body
+    tables: Lookup  # effects that are functions of position or of speed and direction
+    other: tuple[tuple[Effect, Floats], ...]  # effects that are neither, nor a load on a spring
+    modes: tuple[tuple[int, float, float, float], ...]  # joint, inertia share, f [Hz], damping ratio of loads
+    diagonal: Floats  # M_D, C and K, shape (3, nv)
+    limit: Floats  # largest tracking error that is still believed, shape (nv,)
+    ground: Floats  # M_D of the passive joints that count from the ground, shape (nv,)
 
     def substeps(self, sampling: float, step: float, shortest: float = 1e-5) -> int:
-        """Return the internal steps a sample of the loops; dry friction must not turn within one step.
+        """Return the internal steps a sample, none longer than ``step`` [s]: no dry friction turns within one.
 
-        The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding,
-        h sqrt(stiffness / M) is well below 2.
-
-        Args:
-            sampling: interval of the samples [s].
-            step: longest internal step [s].
-            shortest: that the stiffness of friction may ask for [s].
+        The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding, h
+        sqrt(stiffness / M) is well below 2. Stiff friction asks for steps down to ``shortest`` [s].
         """
         longest = min(step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)

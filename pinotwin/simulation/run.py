@@ -19,7 +19,7 @@ from pinotwin.motion import Motion
 from pinotwin.simulation import coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
-from pinotwin.simulation.law import LONGEST, Law, law_rows, substeps
+from pinotwin.simulation.law import LONGEST, law_rows, substeps
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
@@ -211,11 +211,7 @@ def _repeat(run: _Run, out: Response, passes: int = 40) -> tuple[Response, tuple
     """Run again with the effects that have no table, until their effort stays the same, to a thousandth of its RMS.
 
     The next effort is the combination of the last ones whose change would be least (Anderson 1965,
-    10.1145/321296.321305): a plain repetition diverges for a drive that twists, whose load rings in the
-    loop.
-
-    Raises:
-        DataError: it does not settle.
+    10.1145/321296.321305): a plain repetition diverges for a drive that twists, whose load rings in the loop.
     """
     twin, other, change = run.twin, run.plant.other, np.inf
     extra = np.zeros(out.q.shape)
@@ -317,11 +313,7 @@ class _Run:
     full: bool
 
     def under(self, extra: Floats) -> Response:
-        """Return the response under an effort (n, nv) that holds the machine back.
-
-        Raises:
-            DataError: the machine leaves its command.
-        """
+        """Return the response under an effort (n, nv) that holds the machine back."""
         asked, (n, nv), machine = self.asked, self.asked.qr.shape, self.twin.machine
         load = np.ascontiguousarray(asked.external - extra)
         command = Command(asked.qr, asked.vr, load, asked.step, self.substeps, self.plant.limit)
@@ -372,7 +364,7 @@ def _coupled(run: _Run, command: Command, begun: Command, out: Record) -> tuple[
     laws = law_rows([run.closed.get(name) for name in machine.names], h)
     modes = run.plant.hanging(h)
     given = (*run.plant.arrays(), np.array(kinds), laws, modes)
-    late = int(laws[:, Law._fields.index("whole")].max(initial=0.0)) + 2
+    late = int(laws["whole"].max(initial=0.0)) + 2
     state = run.plant.state(late=late, modes=len(modes.joint))
     coupled_kernel.settle(*given, begun, state)
     row, joint = coupled_kernel.run(*given, command, state, out)

@@ -8,6 +8,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.columns import bind
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.signals import rms
 
 STILL = 1e-9
 """Command between two rows, as a share of its travel, that counts as standing."""
@@ -48,19 +49,16 @@ def bound(machine: Machine, log: Log) -> Log:
 
 
 def _row(measured: Floats, predicted: Floats, moves: Mask) -> dict[str, float]:
-    good = np.isfinite(measured)
-    y = measured[good]
-    rms = float(np.sqrt(np.mean((predicted[good] - y) ** 2))) if len(y) else float("nan")
-    size = float(np.sqrt(np.mean(y**2))) if len(y) else float("nan")
-    spread = float(np.std(y)) if len(y) else float("nan")
+    good, error = np.isfinite(measured), predicted - measured
+    size, spread = (float(f(measured[good])) if good.any() else np.nan for f in (rms, np.std))
     return {
-        "rms": rms,
-        "nrmse": rms / size if size > 0.0 else float("nan"),
-        "nrmse_std": rms / spread if spread > 0.0 else float("nan"),
-        "moving": _share(predicted - measured, good & moves, size),
-        "resting": _share(predicted - measured, good & ~moves, size),
+        "rms": _share(error, good, 1.0),
+        "nrmse": _share(error, good, size),
+        "nrmse_std": _share(error, good, spread),
+        "moving": _share(error, good & moves, size),
+        "resting": _share(error, good & ~moves, size),
     }
 
 
 def _share(error: Floats, rows: Mask, size: float) -> float:
-    return float(np.sqrt(np.mean(error[rows] ** 2))) / size if rows.any() and size > 0.0 else float("nan")
+    return rms(error[rows]) / size if rows.any() and size > 0.0 else np.nan

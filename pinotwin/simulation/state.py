@@ -10,160 +10,94 @@ from pinotwin.arrays import Floats, Ints
 
 
 class Parts(NamedTuple):
-    """What the disturbance is made of.
+    """What the disturbance is made of."""
 
-    Attributes:
-        revolute: of the tape, and so on, see :class:`pinotwin.dynamics.tape.Tape`.
-        ops: operations.
-        sign: signs.
-        mass: entries of M.
-        bias: entries of h.
-        inertia: M_D, shape (nv,).
-        viscous: C, shape (nv,).
-        stiffness: K of the springs, shape (nv,).
-        ground: M_D of a passive joint that counts from the ground with its axis, shape (nv,).
-    """
-
-    revolute: Ints
-    ops: Ints
-    sign: Floats
-    mass: Ints
-    bias: Ints
-    inertia: Floats
-    viscous: Floats
-    stiffness: Floats
-    ground: Floats
+    revolute: Ints  # of the tape, and so on, see :class:`pinotwin.dynamics.tape.Tape`
+    ops: Ints  # operations
+    sign: Floats  # signs
+    mass: Ints  # entries of M
+    bias: Ints  # entries of h
+    inertia: Floats  # M_D, shape (nv,)
+    viscous: Floats  # C, shape (nv,)
+    stiffness: Floats  # K of the springs, shape (nv,)
+    ground: Floats  # M_D of a passive joint that counts from the ground with its axis, shape (nv,)
 
 
 class Lookup(NamedTuple):
-    """Efforts of all axes as tables; see :mod:`pinotwin.simulation.tables`.
+    """Efforts of all axes as tables; see :mod:`pinotwin.simulation.tables`."""
 
-    Attributes:
-        position: all position tables, one after the other.
-        place: first entry and number of entries of each joint's table, shape (nv, 2).
-        grid: first position and inverse spacing, shape (nv, 2).
-        slowness: inverse of the largest speed of the tables, shape (nv,).
-        speeds: joints with an effort of velocity, shape (h,).
-        velocity: it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1).
-        directions: joint of each dry-friction element, and the joint that slides with it or -1,
-            shape (k, 2).
-        slope: inverse of its width [s/m or s/rad], shape (k,).
-        dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
-        slips: joint of each presliding element, shape (m,).
-        give: inverse yield displacements of its six elements, shape (m, 6).
-        slip: g of each, shape (m, 1, SPEEDS + 1).
-        memory: 1/x_s, play, m and d of each element's bristle, shape (m, 4).
-    """
-
-    position: Floats
-    place: Ints
-    grid: Floats
-    slowness: Floats
-    speeds: Ints
-    velocity: Floats
-    directions: Ints
-    slope: Floats
-    dry: Floats
-    slips: Ints
-    give: Floats
-    slip: Floats
-    memory: Floats
+    position: Floats  # all position tables, one after the other
+    place: Ints  # first entry and number of entries of each joint's table, shape (nv, 2)
+    grid: Floats  # first position and inverse spacing, shape (nv, 2)
+    slowness: Floats  # inverse of the largest speed of the tables, shape (nv,)
+    speeds: Ints  # joints with an effort of velocity, shape (h,)
+    velocity: Floats  # it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1)
+    directions: Ints  # joint of each dry-friction element, and that which slides with it or -1, shape (k, 2)
+    slope: Floats  # inverse of its width [s/m or s/rad], shape (k,)
+    dry: Floats  # g+ and g- of each, shape (k, 2, SPEEDS + 1)
+    slips: Ints  # joint of each presliding element, shape (m,)
+    give: Floats  # inverse yield displacements of its six elements, shape (m, 6)
+    slip: Floats  # g of each, shape (m, 1, SPEEDS + 1)
+    memory: Floats  # 1/x_s, play, m and d of each element's bristle, shape (m, 4)
 
 
 class Command(NamedTuple):
     """What is asked of the machine, one row a sample.
 
-    Attributes:
-        qr: command, shape (n, nv).
-        vr: its velocity at the samples; between them the command is cubic, shape (n, nv).
-        load: effort that helps the motors (external loads less effects without a table), shape (n,
-            nv), or (1, nv) if constant.
-        step: sampling interval [s].
-        substeps: internal steps a sample.
-        limit: largest tracking error before the run is stopped, shape (nv,).
+    The load is external loads less effects without a table.
     """
 
-    qr: Floats
-    vr: Floats
-    load: Floats
-    step: float
-    substeps: int
-    limit: Floats
+    qr: Floats  # command, shape (n, nv)
+    vr: Floats  # its velocity at the samples; between them the command is cubic, shape (n, nv)
+    load: Floats  # effort that helps the motors, shape (n, nv), or (1, nv) if constant
+    step: float  # sampling interval [s]
+    substeps: int  # internal steps a sample
+    limit: Floats  # largest tracking error before the run is stopped, shape (nv,)
 
 
 class Modes(NamedTuple):
-    """Loads that hang on joints by springs, at one internal step; one row each.
+    """Loads that hang on joints by springs, at one internal step; one row each."""
 
-    Attributes:
-        joint: that a load hangs on, shape (m,).
-        share: of the joint's inertia that it is, shape (m,).
-        pull: stiffness and damping over the load's mass, shape (m, 2).
-        step: how twist and its rate go on in a step, and what an acceleration of the joint adds, shape (m, 2, 3).
-    """
-
-    joint: Ints
-    share: Floats
-    pull: Floats
-    step: Floats
+    joint: Ints  # that a load hangs on, shape (m,)
+    share: Floats  # of the joint's inertia that it is, shape (m,)
+    pull: Floats  # stiffness and damping over the load's mass, shape (m, 2)
+    step: Floats  # of twist and its rate, and what the joint's acceleration adds, shape (m, 2, 3)
 
 
 class State(NamedTuple):
-    """Where the machine is, and room for a step; changed by the kernels. Shapes (nv,) unless said otherwise.
+    """Where the machine is, and room for a step; changed by the kernels. Shapes (nv,) unless said otherwise."""
 
-    Attributes:
-        q: position; likewise velocity ``v``, acceleration ``a``, tracking error ``e``, effort ``u``.
-        before: velocity at the last step.
-        w: velocity after the step.
-        act: effort that acts, after the dead time.
-        d: disturbance of the loops, and ``old`` at the last step.
-        vr0: velocity of the command at the last step.
-        pace: place of each joint's speed in the tables over speed.
-        h: bias effort, with ``r`` all that moves a joint.
-        M: mass matrix, with A the matrix of a step and X its inverse, shape (nv, nv).
-        x: states of the loops' blocks, shape (blocks, 2).
-        y: e, e', e'', u of the blocks of one joint, shape (4,).
-        law: states of the controllers, shape (nv, 5).
-        late: efforts of the last steps, shape (nv, late), and in ``at`` where the last one is.
-        turn: direction, or effort, of each dry-friction element, between ``low`` and ``high``, shape (k,).
-        bend: bend of the slip elements and, last, of the bristle, shape (m, 7).
-        where: position of each slip element's joint at the last step, shape (m,).
-        one: effort, damping and stiffness of the element last moved, shape (3,).
-        twist: of loads on springs and its rate, shape (modes, 2).
-        c: command now and its two derivatives, shape (3, nv).
-        t: values of the tape.
-    """
-
-    q: Floats
+    q: Floats  # position; likewise velocity ``v``, acceleration ``a``, tracking error ``e``, effort ``u``
     v: Floats
     a: Floats
     e: Floats
     u: Floats
-    before: Floats
-    w: Floats
-    act: Floats
-    d: Floats
+    before: Floats  # velocity at the last step
+    w: Floats  # velocity after the step
+    act: Floats  # effort that acts, after the dead time
+    d: Floats  # disturbance of the loops, and ``old`` at the last step
     old: Floats
-    vr0: Floats
-    pace: Floats
-    h: Floats
+    vr0: Floats  # velocity of the command at the last step
+    pace: Floats  # place of each joint's speed in the tables over speed
+    h: Floats  # bias effort, with ``r`` all that moves a joint
     r: Floats
-    M: Floats
+    M: Floats  # mass matrix, with A the matrix of a step and X its inverse, shape (nv, nv)
     A: Floats
     X: Floats
-    x: Floats
-    y: Floats
-    law: Floats
-    late: Floats
+    x: Floats  # states of the loops' blocks, shape (blocks, 2)
+    y: Floats  # e, e', e'', u of the blocks of one joint, shape (4,)
+    law: Floats  # states of the controllers, shape (nv, 5)
+    late: Floats  # efforts of the last steps, shape (nv, late), and in ``at`` where the last one is
     at: Ints
-    turn: Floats
+    turn: Floats  # direction, or effort, of each dry-friction element, shape (k,)
     low: Floats
     high: Floats
-    bend: Floats
-    where: Floats
-    one: Floats
-    twist: Floats
-    c: Floats
-    t: Floats
+    bend: Floats  # bend of the slip elements and, last, of the bristle, shape (m, 7)
+    where: Floats  # position of each slip element's joint at the last step, shape (m,)
+    one: Floats  # effort, damping and stiffness of the element last moved, shape (3,)
+    twist: Floats  # of loads on springs and its rate, shape (modes, 2)
+    c: Floats  # command now and its two derivatives, shape (3, nv)
+    t: Floats  # values of the tape
 
 
 def at_rest(tables: Lookup, t: Floats, *, blocks: int = 0, late: int = 0, modes: int = 0) -> State:
@@ -178,23 +112,14 @@ def at_rest(tables: Lookup, t: Floats, *, blocks: int = 0, late: int = 0, modes:
 
 
 class Record(NamedTuple):
-    """What is written down, one row a sample; arrays of no rows are not written.
+    """What is written down, one row a sample; arrays of no rows are not written."""
 
-    Attributes:
-        q: shape (n, nv); likewise the others.
-        e: tracking error.
-        u: effort.
-        v: velocity.
-        a: acceleration.
-        d: generalised disturbance.
-    """
-
-    q: Floats
-    e: Floats
-    u: Floats
-    v: Floats
-    a: Floats
-    d: Floats
+    q: Floats  # shape (n, nv); likewise the others
+    e: Floats  # tracking error
+    u: Floats  # effort
+    v: Floats  # velocity
+    a: Floats  # acceleration
+    d: Floats  # generalised disturbance
 
 
 def records(n: int, nv: int, full: bool) -> Record:

@@ -43,31 +43,19 @@ _MOST = 1 << 18
 
 @dataclass(frozen=True)
 class Tables:
-    """Efforts of all axes as tables; see the module.
+    """Efforts of all axes as tables; see the module."""
 
-    Attributes:
-        lookup: the arrays for the kernel.
-        coupled: see :func:`pinotwin.dynamics.tape.record`.
-        other: indices of the effects that fit no table.
-    """
-
-    lookup: Lookup
-    coupled: tuple[tuple[int, int, float, float], ...]
-    other: tuple[int, ...]
+    lookup: Lookup  # the arrays for the kernel
+    coupled: tuple[tuple[int, int, float, float], ...]  # see :func:`pinotwin.dynamics.tape.record`
+    other: tuple[int, ...]  # indices of the effects that fit no table
 
 
 def tabulate(
     machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
 ) -> Tables:
-    """Return the tables of all effects but the rigid body.
+    """Return the tables of all effects with their coefficients, over a travel, shape (2, nv), and up to a speed (nv,).
 
-    Viscous and spring effects are left out: they belong to the linear part (C and K).
-
-    Args:
-        machine: whose effects they are.
-        effects: each with its coefficients.
-        travel: range of positions to cover, shape (2, nv).
-        speed: largest speed to cover, shape (nv,).
+    The rigid body is left out, and viscous and spring effects too: they belong to the linear part (C and K).
     """
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
@@ -84,9 +72,11 @@ def tabulate(
         forms.setdefault(effect.depends, []).append((effect, theta))
     sliding = [(i, j, c) for i, j, _, _, c in partners if c != 0.0]
     position, place, grid = _positions(machine, forms.get("position", ()), travel)
-    plain = _merge(machine, forms.get("velocity", ()), _shapeless, lambda f, i: _signs(f, v[i]))
+    plain = _merge(machine, forms.get("velocity", ()), lambda *_: 0.0, lambda f, i: _signs(f, v[i]))
     dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
-    slip = _merge(machine, forms.get("displacement", ()), _bend, lambda f, i: _sliding(f, v[i]))
+    slip = _merge(
+        machine, forms.get("displacement", ()), lambda e, _: _bend(e), lambda f, i: _sliding(f, v[i])
+    )
     lookup = Lookup(
         position=position,
         place=place,
@@ -238,19 +228,13 @@ def _signs(effort: _Effort, v: Floats) -> Floats:
     return np.stack([effort(v=v), effort(v=-v)])
 
 
-def _shapeless(effect: Effect, rotary: bool) -> float:
-    del effect, rotary
-    return 0.0
-
-
 def _width(effect: Effect, rotary: bool) -> float:
     """Return the width of an element; a plain sign would chatter, so it turns over the usual one."""
     width = getattr(effect, "width", None)
     return float(width) if width else default_width(rotary)
 
 
-def _bend(effect: Effect, rotary: bool) -> tuple[float, float]:
-    del rotary
+def _bend(effect: Effect) -> tuple[float, float]:
     return float(effect.x_s), float(effect.spread)  # type: ignore[attr-defined]
 
 
@@ -264,7 +248,7 @@ def _memories(
     for effect, theta in effects:
         assert isinstance(effect, Presliding)
         i = machine.names.index(effect.axis)
-        row = out[i, _bend(effect, machine.rotary[i])]
+        row = out[i, _bend(effect)]
         row[1] = max(row[1], effect.play or 0.0)
         row[2:] += effect.memory(theta)
     return np.array(list(out.values())).reshape(-1, 4)

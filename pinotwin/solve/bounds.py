@@ -19,16 +19,9 @@ from pinotwin.solve.rank import Rank
 def bounded(
     R: Floats, z: Floats, lower: Floats, upper: Floats, start: Floats, rank: Rank, weak: float = 1e-6
 ) -> tuple[Floats, Mask]:
-    """Return theta within its bounds and the mask of active bounds, each of shape (p,).
+    """Return theta of the factor R (k, p) and right side z (k,) within its bounds, and which bounds are active, (p,).
 
-    Args:
-        R: factor of the weighted regressor, shape (k, p).
-        z: right side, shape (k,).
-        lower: smallest values, shape (p,), -inf for free.
-        upper: largest values, shape (p,).
-        start: prior mean, held where the data are silent, shape (p,).
-        rank: analysis of R.
-        weak: weight of the rows that hold unseen directions at the prior, relative to a unit column.
+    Directions that the data leave open are held at ``start`` (p,) with a weight relative to a unit column.
     """
     if (lower > upper).any():
         raise DataError("a lower bound lies above its upper bound")

@@ -24,12 +24,11 @@ of zero score (Parzen 1963; Datta & Du 2012).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, nearest
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.sandwich import bartlett
 
@@ -38,30 +37,19 @@ Inference = Literal["hac", "ols", "none"]
 
 @dataclass(frozen=True)
 class Spread:
-    """Covariance and the degrees of freedom of its estimate.
+    """Covariance and the degrees of freedom of its estimate."""
 
-    Attributes:
-        covariance: of the estimate in the seen directions, shape (p, p).
-        dof: degrees of freedom for Student's t.
-        lags: bandwidth used, in slots of the time axis; 0 where none.
-    """
-
-    covariance: Floats
-    dof: float
-    lags: int
+    covariance: Floats  # of the estimate in the seen directions, shape (p, p)
+    dof: float  # degrees of freedom for Student's t
+    lags: int  # bandwidth used, in slots of the time axis; 0 where none
 
 
 def spread(
     problem: Problem, sigma: Floats, error: Floats, root: Floats, inference: Inference = "hac"
 ) -> Spread:
-    """Return the covariance of a weighted least-squares estimate.
+    """Return the covariance of a weighted fit with residuals ``error`` (rows,) and noise ``sigma`` of each axis.
 
-    Args:
-        problem: rows.
-        sigma: noise level of each axis that has any.
-        error: residuals, shape (rows,).
-        root: F with F F' = (W'W)^-1 of rows divided by their noise level, shape (p, rank).
-        inference: which estimate of Omega.
+    ``root`` is F with F F' = (W'W)^-1 of the rows over their noise, shape (p, rank).
     """
     if inference == "none":
         return Spread(np.full((len(root), len(root)), np.nan), np.nan, 0)
@@ -75,11 +63,9 @@ def spread(
         left = np.maximum(1 - np.einsum("nk,nk->n", V, V), 0.2)  # of a row's own noise
         V *= (error / left)[:, None]
         Omega, dof, lags = _hac(problem, V)
-    elif inference == "ols":
+    else:
         Omega = np.eye(root.shape[1]) * np.mean(error**2)
         dof, lags = float(max(len(error) - root.shape[1], 1)), 0
-    else:
-        raise DataError(f"unknown inference {inference!r}; {nearest(inference, get_args(Inference))}")
     factor = inflation(Omega, error)
     if inference == "hac":
         factor = max(factor * (1 - min(root.shape[1] / len(error), 0.5)), 1.0)

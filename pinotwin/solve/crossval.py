@@ -22,39 +22,22 @@ from pinotwin.solve.tsqr import r_factor
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Error on held-out rows, per axis in the order of ``problem.slices``.
+    """Prediction of held-out rows."""
 
-    Attributes:
-        rms: RMS prediction error [unit of the effort].
-        nrmse: the same divided by the effort's RMS.
-        nrmse_std: the same divided by the effort's standard deviation.
-        theta: coefficients of each fold, shape (folds, p).
-        error: prediction error of every row, shape (rows,).
-        sigma: noise level of every axis with which the rows were weighted, shape (axes,).
-        factors: R of the weighted rows that each fold was fitted to, shape (folds, p, p).
-        fold: of every row, shape (rows,).
-        whole: coefficients of a fit of all rows, shape (p,).
-    """
-
-    rms: Floats
-    nrmse: Floats
-    nrmse_std: Floats
-    theta: Floats
-    error: Floats
-    sigma: Floats
-    factors: Floats
-    fold: Ints
-    whole: Floats
+    theta: Floats  # coefficients of each fold, shape (folds, p)
+    error: Floats  # prediction error of every row, shape (rows,)
+    sigma: Floats  # noise level of every axis with which the rows were weighted, shape (axes,)
+    factors: Floats  # R of the weighted rows that each fold was fitted to, shape (folds, p, p)
+    fold: Ints  # of every row, shape (rows,)
+    whole: Floats  # coefficients of a fit of all rows, shape (p,)
 
     def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
         """Return the variance of each row's prediction over that of the noise, shape (rows,).
 
-        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted tell
-        less of a prediction than the noise does: of a table's knots that only this fold visits they tell nothing.
-
-        Args:
-            problem: whose rows these are.
-            ridge: share of what all rows tell of a column that holds where the fitted rows do not have it.
+        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted
+        tell less of a prediction than the noise does: of a table's knots that only this fold visits they tell
+        nothing. The share ``ridge`` of what all rows tell of a column holds it where the fitted rows do not
+        have it.
         """
         out = np.empty(len(problem.y))
         N = self.factors.transpose(0, 2, 1) @ self.factors
@@ -72,13 +55,9 @@ class HeldOut:
 def held_out(
     problem: Problem, folds: int = 5, guard: int | None = None, options: Options | None = None
 ) -> HeldOut:
-    """Return the blocked K-fold prediction error of a linear problem.
+    """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
-    Args:
-        problem: rows; for a separable problem pass that of its fit, the shapes stay as found.
-        folds: number of stretches of time.
-        guard: slots left out on each side of the stretch; default a twentieth of a stretch.
-        options: how to fit. Noise levels that are not given are taken from a fit of all rows.
+    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
 
     Raises:
         DataError: fewer instants than two per fold.
@@ -105,7 +84,7 @@ def held_out(
         theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
-    return HeldOut(*_sizes(problem, error), theta, error, whole.sigma, held, fold, whole.theta)
+    return HeldOut(theta, error, whole.sigma, held, fold, whole.theta)
 
 
 def fold_order(problem: Problem) -> tuple[Ints, int]:
@@ -120,14 +99,3 @@ def _merge(chosen: Sequence[Reduced]) -> Reduced:
     factors = zip(*(piece.factors for piece in chosen), strict=True)
     rows = zip(*(piece.rows for piece in chosen), strict=True)
     return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))
-
-
-def _sizes(problem: Problem, error: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the error's RMS of every axis, over the effort's RMS, and over its standard deviation."""
-    parts = list(problem.slices.values())
-    rms = np.array([np.sqrt(np.mean(error[s] ** 2)) for s in parts])
-    size = np.array([np.sqrt(np.mean(problem.y[s] ** 2)) for s in parts])
-    spread = np.array([np.std(problem.y[s]) for s in parts])
-    ratio = np.divide(rms, size, out=np.full(len(parts), np.inf), where=size > 0)
-    ratio_std = np.divide(rms, spread, out=np.full(len(parts), np.inf), where=spread > 0)
-    return rms, ratio, ratio_std

@@ -6,50 +6,48 @@ The trust-region reflective method (Branch, Coleman and Li 1999, doi:10.1137/S10
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
 
-T = TypeVar("T")
+Evaluate = Callable[[Floats], tuple[Floats, Floats]]
+"""From a point (k,) to residual (m,) and Jacobian (m, k)."""
 
 
-class Remembered(Generic[T]):
-    """A function at the last point: residual and slopes are asked for one after the other; ``count`` evaluations."""
+@dataclass(frozen=True)
+class End:
+    """Where a search ended, (k,), half its sum of squares, its evaluations, and whether it ended by itself."""
 
-    def __init__(self, evaluate: Callable[[Floats], T]) -> None:
+    x: Floats
+    cost: float
+    evaluations: int
+    converged: bool
+
+
+class Remembered:
+    """A function at the last point: residual and slopes are asked for one after the other."""
+
+    def __init__(self, evaluate: Evaluate) -> None:
         self._evaluate = evaluate
-        self._last: tuple[Floats, T] | None = None
-        self.count = 0
+        self._last: tuple[Floats, tuple[Floats, Floats]] | None = None
 
-    def __call__(self, x: Floats) -> T:
+    def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         if self._last is None or not np.array_equal(x, self._last[0]):
             self._last = x.copy(), self._evaluate(x)
-            self.count += 1
         return self._last[1]
 
 
 def trust_region(
-    evaluate: Callable[[Floats], tuple[Floats, Floats]],
-    start: Floats,
-    bounds: tuple[Floats, Floats],
-    margin: float,
-    **options: Any,
-) -> Any:
-    """Return scipy's answer of a search within bounds.
-
-    Args:
-        evaluate: residual (m,) and Jacobian (m, k) at a point (k,).
-        start: where the search begins.
-        bounds: lower and upper, shapes (k,).
-        margin: share of the bounds' width that the start keeps from them.
-        options: of `scipy.optimize.least_squares`.
-    """
+    evaluate: Remembered, start: Floats, bounds: tuple[Floats, Floats], margin: float, **options: Any
+) -> End:
+    """Return the end of a search within bounds, shape (k,), begun a share of their width inside."""
     low, high = bounds
     inside = np.clip(start, low + margin * (high - low), high - margin * (high - low))
-    return scipy.optimize.least_squares(
+    found = scipy.optimize.least_squares(
         lambda x: evaluate(x)[0],
         inside,
         lambda x: evaluate(x)[1],
@@ -58,3 +56,15 @@ def trust_region(
         gtol=1e-12,
         **options,
     )
+    return End(np.asarray(found.x), float(found.cost), int(found.nfev), found.status > 0)
+
+
+def rival(
+    polish: Callable[..., End], start: Floats, best: End, near: float, evaluations: int = 4
+) -> list[End]:
+    """Return the ends of a search from another start, shape (k,): after a glance, and if that is near, its own.
+
+    Near is up to so many times the best cost: the search converges quadratically, so that little is left to fall.
+    """
+    glance = polish(start, most=evaluations)
+    return [glance] if glance.cost > near * best.cost else [glance, polish(glance.x)]

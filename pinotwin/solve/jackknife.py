@@ -27,14 +27,7 @@ def without_each(sums: Floats) -> Floats:
 
 
 def solved(N: Floats, g: Floats, ridge: float, scale: Floats | None = None) -> Floats:
-    """Return the solutions of K systems whose unknowns may have very different units, shape (K, p).
-
-    Args:
-        N: normal matrices, shape (K, p, p).
-        g: right sides, shape (K, p).
-        ridge: added to the diagonal once it is scaled to one: moves nothing that is determined.
-        scale: size of each column, shape (p,); from the last system where it is not given.
-    """
+    """Return the solutions, shape (K, p), of N (K, p, p) and g; a ridge is added to columns scaled to one."""
     if scale is None:
         scale = np.sqrt(np.maximum(np.diagonal(N[-1]), 1e-300))
     scaled = N / np.outer(scale, scale) + ridge * np.eye(N.shape[1])

@@ -19,33 +19,20 @@ from pinotwin.solve.jackknife import jackknife
 
 @dataclass(frozen=True)
 class Lag:
-    """A signal at its best shift.
+    """A signal at its best shift."""
 
-    Attributes:
-        late: samples that it is late by, a whole number; negative when it is ahead.
-        part: the same between samples.
-        error: its standard error [samples], infinite where there is no best shift, only a slope.
-        left_now: share of its power (about its mean) that nothing explains as it is.
-        left: the same at the best shift.
-    """
-
-    late: int
-    part: float
-    error: float
-    left_now: float
-    left: float
+    late: int  # samples that it is late by, a whole number; negative when it is ahead
+    part: float  # the same between samples
+    error: float  # its standard error [samples], infinite where there is no best shift, only a slope
+    left_now: float  # share of its power (about its mean) that nothing explains as it is
+    left: float  # the same at the best shift
 
 
 def lag(u: Floats, rows: Ints, basis: Floats, reach: int, *, most: int = 61, blocks: int = 8) -> Lag:
-    """Return by how many samples a signal is late for its causes.
+    """Return by how many samples a signal u (n,) is late for causes with an orthonormal basis (m, k) at rows (m,).
 
-    Args:
-        u: the signal, shape (n,).
-        rows: those that are looked at, at least ``reach`` away from both ends, shape (m,).
-        basis: orthonormal basis of the causes at these rows, shape (m, k).
-        reach: longest shift [samples].
-        most: shifts that are tried, if there are more whole ones.
-        blocks: stretches of the log that are left out in turn.
+    At most ``most`` shifts up to ``reach`` samples are tried, and ``blocks`` stretches of the log left out in
+    turn.
     """
     shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, most)).round().astype(int))
     starts = np.linspace(0, len(rows), blocks + 1).astype(int)[:-1]

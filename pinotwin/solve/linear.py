@@ -9,9 +9,10 @@ Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iteratio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -29,52 +30,48 @@ from pinotwin.solve.tsqr import r_factor
 class Prior:
     """What is believed before the data, e.g. the CAD values; it fills what the data leave open.
 
-    Attributes:
-        mean: shape (p,).
-        std: how far off each may be, shape (p,); sets which of several equally good theta is taken.
-            None takes the inverse column length.
+    Of several equally good theta it takes the nearest, in units of ``std``.
     """
 
-    mean: Floats
-    std: Floats | None = None
+    mean: Floats  # shape (p,)
+    std: Floats | None = None  # how far off each may be, shape (p,); None takes the inverse column length
 
 
 @dataclass(frozen=True)
 class Options:
     """How :func:`linear` solves.
 
-    Attributes:
-        prior: see :class:`Prior`; None is zero.
-        ridge: standard deviation of a weak belief that a coefficient is near the prior's mean,
-            shape (p,), inf for none; it keeps coefficients with hardly any data (the edge knots of
-            a table) from running away, but never makes one count as determined.
-        lower: bounds on theta, shape (p,); None for none.
-        upper: bounds on theta, shape (p,); None for none.
-        sigma: known noise level per axis; None to find it.
-        tolerance: smallest pivot of the scaled columns, relative to the largest, that counts as seen.
-        inference: see :mod:`pinotwin.solve.covariance`.
+    A ridge keeps coefficients with hardly any data (the edge knots of a table) from running away, but never makes
+    one count as determined.
     """
 
-    prior: Prior | None = None
-    ridge: Floats | None = None
-    lower: Floats | None = None
-    upper: Floats | None = None
-    sigma: Floats | None = None
-    tolerance: float = 1e-9
-    inference: Inference = "hac"
+    prior: Prior | None = None  # see :class:`Prior`; None is zero
+    ridge: Floats | None = None  # how near the prior mean it is believed, shape (p,), inf for none
+    lower: Floats | None = None  # bounds on theta, shape (p,); None for none
+    upper: Floats | None = None  # bounds on theta, shape (p,); None for none
+    sigma: Floats | None = None  # known noise level per axis; None to find it
+    tolerance: float = 1e-9  # smallest relative pivot of the scaled columns that counts as seen
+    inference: Inference = "hac"  # see :mod:`pinotwin.solve.covariance`
+
+    def by_coefficient(self, change: Callable[[Floats, float], Floats]) -> Options:
+        """Return the same for other coefficients: each array (p,) changed, given what stands for none in it."""
+        none = {"ridge": np.inf, "lower": -np.inf, "upper": np.inf}
+        given = {name: getattr(self, name) for name in none}
+        prior = self.prior
+        if prior is not None:
+            prior = Prior(change(prior.mean, 0.0), None if prior.std is None else change(prior.std, np.inf))
+        changed: dict[str, Any] = {
+            name: None if x is None else change(x, none[name]) for name, x in given.items()
+        }
+        return replace(self, prior=prior, **changed)
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Rows of a problem reduced to one factor per axis; all that the estimate itself needs.
+    """Rows of a problem reduced to one factor per axis; all that the estimate itself needs."""
 
-    Attributes:
-        factors: R of ``[W_i y_i]`` per axis, each of shape (k, p + 1), k the columns that it has.
-        rows: number of rows per axis.
-    """
-
-    factors: tuple[Floats, ...]
-    rows: tuple[int, ...]
+    factors: tuple[Floats, ...]  # R of ``[W_i y_i]`` per axis, shape (k, p + 1), k the columns that it has
+    rows: tuple[int, ...]  # number of rows per axis
 
     def stacked(self, sigma: Floats) -> tuple[Floats, Floats]:
         """Return R, z of all axes together, each axis divided by its noise level."""
@@ -84,25 +81,15 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Solution:
-    """Theta of a reduced problem, without a covariance.
+    """Theta of a reduced problem, without a covariance."""
 
-    Attributes:
-        theta: shape (p,).
-        sigma: noise level per axis.
-        rank: analysis of the weighted factor, and of the ridge, if any.
-        active: parameters on a bound, shape (p,).
-        factor: weighted R, shape (p, p).
-        right: weighted z, shape (p,).
-        options: how it was solved.
-    """
-
-    theta: Floats
-    sigma: Floats
-    rank: Rank
-    active: Mask
-    factor: Floats
-    right: Floats
-    options: Options
+    theta: Floats  # shape (p,)
+    sigma: Floats  # noise level per axis
+    rank: Rank  # analysis of the weighted factor, and of the ridge, if any
+    active: Mask  # parameters on a bound, shape (p,)
+    factor: Floats  # weighted R, shape (p, p)
+    right: Floats  # weighted z, shape (p,)
+    options: Options  # how it was solved
 
     @cached_property
     def seen(self) -> Rank:
@@ -129,12 +116,8 @@ def reduce(problem: Problem, axes: Sequence[int] | None = None) -> Reduced:
 def linear(problem: Problem, options: Options | None = None) -> LinearFit:
     """Fit a linear problem.
 
-    Args:
-        problem: rows to fit.
-        options: how; see :class:`Options`.
-
     Raises:
-        DataError: options that do not fit the problem.
+        DataError: fewer rows than parameters.
     """
     options = options or Options()
     found = solve(reduce(problem), options)
@@ -168,14 +151,8 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
 
 
 def solve(reduced: Reduced, options: Options | None = None) -> Solution:
-    """Return theta and the noise levels of a reduced problem.
-
-    Args:
-        reduced: factors.
-        options: how; ``inference`` is not used.
-    """
+    """Return theta and the noise levels of a reduced problem; inference is not made."""
     options = options or Options()
-    _check(reduced, options)
     sigma = _first_levels(reduced) if options.sigma is None else np.asarray(options.sigma, float)
     for _ in range(50):
         found = _weighted(reduced, sigma, options)
@@ -233,18 +210,3 @@ def _levels(reduced: Reduced, found: Solution) -> Floats:
 
 def _or(bound: Floats | None, default: float, p: int) -> Floats:
     return np.full(p, default) if bound is None else np.asarray(bound, float)
-
-
-def _check(reduced: Reduced, options: Options) -> None:
-    """Refuse options whose lengths do not fit."""
-    p = reduced.factors[0].shape[1] - 1
-    given = {"lower": options.lower, "upper": options.upper}
-    if options.prior is not None:
-        given |= {"prior.mean": options.prior.mean, "prior.std": options.prior.std}
-    for name, value in given.items():
-        if value is not None and np.shape(value) != (p,):
-            raise DataError(f"{name} has shape {np.shape(value)}, the problem has {p} parameters")
-    if options.sigma is not None and np.shape(options.sigma) != (len(reduced.rows),):
-        raise DataError(
-            f"sigma has shape {np.shape(options.sigma)}, the problem has {len(reduced.rows)} axes"
-        )

@@ -14,30 +14,17 @@ from pinotwin.errors import DataError
 
 @dataclass(frozen=True)
 class Moving:
-    """One block of columns with shapes: a Stribeck curve, a ripple, a pole pair.
+    """One block of columns with shapes: a Stribeck curve, a ripple, a pole pair."""
 
-    Attributes:
-        name: name of the block, e.g. ``"Y.stribeck"``.
-        rows: rows of the stacked problem on which the columns live; elsewhere they are zero.
-        columns: from shape values, shape (s,), to columns, shape (rows, p).
-        names: names of the linear coefficients, length p.
-        shapes: names of the shapes, length s.
-        lower: lower bounds of the shapes, shape (s,).
-        upper: upper bounds, shape (s,).
-        log: shapes searched on a logarithmic scale, shape (s,).
-        starts: for each shape the values to try first, ascending, dense enough that the optimum
-            lies in the basin of one of them.
-    """
-
-    name: str
-    rows: slice | Ints
-    columns: Callable[[Floats], Floats]
-    names: tuple[str, ...]
-    shapes: tuple[str, ...]
-    lower: Floats
-    upper: Floats
-    log: Mask
-    starts: tuple[Floats, ...]
+    name: str  # name of the block, e.g. ``"Y.stribeck"``
+    rows: slice | Ints  # rows of the stacked problem on which the columns live; elsewhere they are zero
+    columns: Callable[[Floats], Floats]  # from shape values, shape (s,), to columns, shape (rows, p)
+    names: tuple[str, ...]  # names of the linear coefficients, length p
+    shapes: tuple[str, ...]  # names of the shapes, length s
+    lower: Floats  # lower bounds of the shapes, shape (s,)
+    upper: Floats  # upper bounds, shape (s,)
+    log: Mask  # shapes searched on a logarithmic scale, shape (s,)
+    starts: tuple[Floats, ...]  # for each shape the values to try first, ascending, one in every basin
 
     def __post_init__(self) -> None:
         s = len(self.shapes)

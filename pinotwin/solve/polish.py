@@ -18,7 +18,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.bounds import bounded
-from pinotwin.solve.descent import Remembered, trust_region
+from pinotwin.solve.descent import End, Remembered, trust_region
 from pinotwin.solve.projection import Projection, Span
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.tsqr import r_factor
@@ -31,47 +31,18 @@ CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`.
+    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`."""
 
-    Attributes:
-        lower: shape (p,).
-        upper: shape (p,).
-        tolerance: smallest relative pivot that counts as seen.
-    """
-
-    lower: Floats
-    upper: Floats
-    tolerance: float
-
-
-@dataclass(frozen=True)
-class Polished:
-    """A local optimum of all shapes.
-
-    Attributes:
-        x: search coordinates of all blocks, one after the other, shape (s,).
-        cost: weighted residual sum of squares.
-        evaluations: number of evaluations.
-        converged: whether the search ended by itself.
-    """
-
-    x: Floats
-    cost: float
-    evaluations: int
-    converged: bool
+    lower: Floats  # shape (p,)
+    upper: Floats  # shape (p,)
+    tolerance: float  # smallest relative pivot that counts as seen
 
 
 class VariableProjection:
     """Residual and Jacobian of the variable projection as functions of the search coordinates."""
 
     def __init__(self, projection: Projection, sigma: Floats, limits: Limits) -> None:
-        """Prepare for given noise levels.
-
-        Args:
-            projection: the problem.
-            sigma: noise level per axis.
-            limits: bounds on the linear coefficients, fixed columns first.
-        """
+        """Prepare for given noise levels of the axes; limits are those of fixed coefficients first."""
         self._projection = projection
         self._sigma = sigma
         self._limits = limits
@@ -79,14 +50,10 @@ class VariableProjection:
         self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
         self.evaluate = Remembered(self._evaluate)
 
-    def split(self, x: Floats) -> list[Floats]:
-        """Return the search coordinates of each block."""
-        return [x[a:b] for a, b in zip(self._cuts[:-1], self._cuts[1:], strict=True)]
-
     def _evaluate(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the residual in small coordinates, and Kaufman's Jacobian of it."""
         P = self._projection
-        parts = self.split(x)
+        parts = P.split(x)
         columns = [m.at(part) for m, part in zip(P.moving, parts, strict=True)]
         pieces = [(b, C, P.numbers(b)) for b, C in enumerate(columns)]
         theta, free = self._solve(P.small(pieces, self._sigma, P.width))
@@ -123,31 +90,16 @@ class VariableProjection:
 
 
 def polish(
-    problem: VariableProjection,
-    start: Floats,
-    lower: Floats,
-    upper: Floats,
-    most: int = MAX_EVALUATIONS,
-) -> Polished:
+    problem: VariableProjection, bounds: tuple[Floats, Floats], start: Floats, most: int = MAX_EVALUATIONS
+) -> End:
     """Return the optimum of all shapes near ``start``, within bounds, in search coordinates; most evaluations."""
-    found = trust_region(
-        problem.evaluate,
-        start,
-        (lower, upper),
-        1e-9,
-        x_scale="jac",
-        ftol=CLOSE,
-        xtol=1e-9,
-        max_nfev=min(most, GAUSS_NEWTON),
-    )
-    end = Polished(np.asarray(found.x), 2 * float(found.cost), int(found.nfev), found.status > 0)
+    few, tolerances = min(most, GAUSS_NEWTON), {"ftol": CLOSE, "xtol": 1e-9}
+    end = trust_region(problem.evaluate, start, bounds, 1e-9, x_scale="jac", max_nfev=few, **tolerances)
     left = most - end.evaluations
-    return end if end.converged or left <= 0 else _finished(problem, end, lower, upper, left)
+    return end if end.converged or left <= 0 else _finished(problem, end, bounds, left)
 
 
-def _finished(
-    problem: VariableProjection, begun: Polished, lower: Floats, upper: Floats, most: int
-) -> Polished:
+def _finished(problem: VariableProjection, begun: End, bounds: tuple[Floats, Floats], most: int) -> End:
     """Return the end of a quasi-Newton search, its coordinates scaled by the lengths of the Jacobian's columns."""
     length = np.linalg.norm(problem.evaluate(begun.x)[1], axis=0)
     scale = np.where(length > 0.0, length, 1.0)
@@ -161,8 +113,8 @@ def _finished(
         begun.x * scale,
         jac=True,
         method="L-BFGS-B",
-        bounds=list(zip(lower * scale, upper * scale, strict=True)),
+        bounds=np.transpose(np.array(bounds) * scale),
         options={"ftol": 1e-3 * CLOSE, "gtol": 1e-9, "maxcor": 20, "maxfun": most},
     )
-    x = np.clip(found.x / scale, lower, upper)
-    return Polished(x, 2 * float(found.fun), begun.evaluations + int(found.nfev), bool(found.success))
+    x = np.clip(found.x / scale, *bounds)
+    return End(x, float(found.fun), begun.evaluations + int(found.nfev), bool(found.success))

@@ -23,57 +23,18 @@ from pinotwin.errors import DataError
 
 
 @dataclass(frozen=True)
-class AxisRows:
-    """The rows of one axis, times increasing inside each block.
-
-    Attributes:
-        W: regressor, shape (n, p).
-        y: measured effort, shape (n,).
-        time: sample index, shape (n,).
-        block: identity of the unbroken stretch, shape (n,); None for a single one.
-    """
-
-    W: Floats
-    y: Floats
-    time: Ints
-    block: Ints | None = None
-
-
-@dataclass(frozen=True)
 class Problem:
-    """Rows of one linear problem, sorted by axis, then block, then time.
+    """Rows of one linear problem, sorted by axis, then block, then time."""
 
-    Attributes:
-        W: regressor, shape (rows, p).
-        y: measured effort, shape (rows,).
-        axis: axis number of each row, ascending, shape (rows,).
-        time: sample index of each row; lags are differences of it, shape (rows,).
-        names: name of every parameter, length p.
-        block: identity of the unbroken stretch each row belongs to, shape (rows,).
-    """
-
-    W: Floats
-    y: Floats
-    axis: Ints
-    time: Ints
-    names: tuple[str, ...]
-    block: Ints
+    W: Floats  # regressor, shape (rows, p)
+    y: Floats  # measured effort, shape (rows,)
+    axis: Ints  # axis number of each row, ascending, shape (rows,)
+    time: Ints  # sample index of each row; lags are differences of it, shape (rows,)
+    names: tuple[str, ...]  # name of every parameter, length p
+    block: Ints  # identity of the unbroken stretch each row belongs to, shape (rows,)
 
     def __post_init__(self) -> None:
         _check(self)
-
-    @classmethod
-    def stack(cls, parts: Sequence[AxisRows], names: Sequence[str]) -> Self:
-        """Return the problem of several axes, numbered in the order given."""
-        blocks = [np.zeros(len(x.y), int) if x.block is None else x.block for x in parts]
-        return cls(
-            W=np.concatenate([x.W for x in parts]),
-            y=np.concatenate([x.y for x in parts]),
-            axis=np.repeat(np.arange(len(parts)), [len(x.y) for x in parts]),
-            time=np.concatenate([x.time for x in parts]).astype(np.intp),
-            names=tuple(names),
-            block=np.concatenate(blocks).astype(np.intp),
-        )
 
     @property
     def parameters(self) -> int:
@@ -128,19 +89,12 @@ class Problem:
 
 @dataclass(frozen=True)
 class Grid:
-    """Slots of a uniform time axis, one block after the other.
+    """Slots of a uniform time axis, one block after the other."""
 
-    Attributes:
-        slot: slot of each row inside its block, shape (rows,).
-        block: place of each row's block in ``lengths``, shape (rows,).
-        lengths: number of slots of each block, holes included.
-        times: number of distinct instants that hold at least one row.
-    """
-
-    slot: Ints
-    block: Ints
-    lengths: tuple[int, ...]
-    times: int
+    slot: Ints  # slot of each row inside its block, shape (rows,)
+    block: Ints  # place of each row's block in ``lengths``, shape (rows,)
+    lengths: tuple[int, ...]  # number of slots of each block, holes included
+    times: int  # number of distinct instants that hold at least one row
 
     @classmethod
     def of(cls, block: Ints, time: Ints) -> Self:
@@ -162,12 +116,7 @@ class Grid:
         return np.concatenate([[0], np.cumsum(sizes)])
 
     def spread(self, values: Floats, padding: int) -> Floats:
-        """Add row values into the slots of the grid, shape (slots, k); holes stay zero.
-
-        Args:
-            values: one value per row, shape (rows, k).
-            padding: empty slots after every block.
-        """
+        """Add row values (rows, k) into the slots of the grid, some empty ones after every block, shape (slots, k)."""
         starts = self.starts(padding)
         index = starts[self.block] + self.slot
         rows = np.arange(len(index))

@@ -26,17 +26,11 @@ RANK = 1e-12
 
 @dataclass(frozen=True)
 class Placed:
-    """Where the rows of a moving block lie among the rows of one axis.
+    """Where the rows of a moving block lie among the rows of one axis."""
 
-    Attributes:
-        own: rows of the block that belong to the axis.
-        there: the same rows, counted within the axis.
-        whole: whether they are all rows of the axis, in order.
-    """
-
-    own: Ints
-    there: Ints
-    whole: bool
+    own: Ints  # rows of the block that belong to the axis
+    there: Ints  # the same rows, counted within the axis
+    whole: bool  # whether they are all rows of the axis, in order
 
     @classmethod
     def of(cls, rows: Ints, part: slice) -> Self:
@@ -58,17 +52,11 @@ class Placed:
 
 @dataclass(frozen=True)
 class Span:
-    """A space of directions of one axis, with the coordinates of the columns in it.
+    """A space of directions of one axis, with the coordinates of the columns in it."""
 
-    Attributes:
-        basis: orthonormal, shape (n, k).
-        coordinates: of the columns named by ``index``, shape (k, c).
-        index: number of each column among all columns (see :class:`Projection`), shape (c,).
-    """
-
-    basis: Floats
-    coordinates: Floats
-    index: Ints
+    basis: Floats  # orthonormal, shape (n, k)
+    coordinates: Floats  # of the columns named by ``index``, shape (k, c)
+    index: Ints  # number of each column among all columns (see :class:`Projection`), shape (c,)
 
     @classmethod
     def of(cls, columns: Floats, index: Ints) -> Self:
@@ -126,22 +114,14 @@ class Projection:
     """A problem with moving blocks, its fixed columns projected once.
 
     All columns are numbered: the fixed ones, the effort, then those of each moving block in turn.
-
-    Attributes:
-        parts: rows of each axis.
-        spans: per axis, the span of fixed columns and effort.
-        moving: the blocks.
-        placed: per block, per axis (its place in ``parts``) where its rows lie.
-        first: number of the first column of each block, and after the last the number of columns.
-        fixed: number of fixed columns.
     """
 
-    parts: tuple[slice, ...]
-    spans: tuple[Span, ...]
-    moving: tuple[Moving, ...]
-    placed: tuple[dict[int, Placed], ...]
-    first: tuple[int, ...]
-    fixed: int
+    parts: tuple[slice, ...]  # rows of each axis
+    spans: tuple[Span, ...]  # per axis, the span of fixed columns and effort
+    moving: tuple[Moving, ...]  # the blocks
+    placed: tuple[dict[int, Placed], ...]  # per block, per axis (its place in ``parts``) where its rows lie
+    first: tuple[int, ...]  # number of the first column of each block, and last the number of columns
+    fixed: int  # number of fixed columns
 
     @classmethod
     def of(cls, problem: Problem, moving: Sequence[Moving]) -> Self:
@@ -165,17 +145,18 @@ class Projection:
         """Number of columns: fixed, effort, moving."""
         return self.first[-1]
 
+    def split(self, x: Floats) -> list[Floats]:
+        """Return the search coordinates of each block, of those of all, shape (s,)."""
+        return np.split(x, np.cumsum([len(m.shapes) for m in self.moving])[:-1])
+
     def numbers(self, b: int) -> Ints:
         """Return the numbers of a block's columns."""
         return np.arange(self.first[b], self.first[b + 1])
 
     def small(self, pieces: Sequence[tuple[int, Floats, Ints]], sigma: Floats, width: int) -> Floats:
-        """Return all columns in small coordinates, axes divided by their levels, shape (m, width).
+        """Return all columns in small coordinates, axes divided by their levels ``sigma``, shape (m, width).
 
-        Args:
-            pieces: (block, columns on the block's rows, numbers) of the columns that move.
-            sigma: noise level per axis.
-            width: number of columns of the result.
+        A piece is a block's number, columns that move on its rows, and their numbers.
         """
         out = []
         for i, span in enumerate(self.spans):

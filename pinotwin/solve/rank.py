@@ -26,23 +26,14 @@ LINKED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Rank:
-    """The split of the parameters' space into seen and unseen directions.
+    """The split of the parameters' space into seen and unseen directions."""
 
-    Attributes:
-        root: F with F F' = (W'W)^+ in the prior's metric, shape (p, rank).
-        null: basis of the unseen directions, orthonormal in that metric, shape (p, p - rank).
-        scale: the metric, one length per parameter, shape (p,).
-        unit: inverse length of each column, 1 of an empty one, shape (p,).
-        empty: parameters whose column is, shape (p,).
-        factor: of the seen, scaled columns, shape (rank, number of columns that are not empty).
-    """
-
-    root: Floats
-    null: Floats
-    scale: Floats
-    unit: Floats
-    empty: Mask
-    factor: Floats
+    root: Floats  # F with F F' = (W'W)^+ in the prior's metric, shape (p, rank)
+    null: Floats  # basis of the unseen directions, orthonormal in that metric, shape (p, p - rank)
+    scale: Floats  # the metric, one length per parameter, shape (p,)
+    unit: Floats  # inverse length of each column, 1 of an empty one, shape (p,)
+    empty: Mask  # parameters whose column is, shape (p,)
+    factor: Floats  # of the seen, scaled columns, shape (rank, number of columns that are not empty)
 
     @property
     def rank(self) -> int:
@@ -88,12 +79,10 @@ class Rank:
 
 
 def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
-    """Split the parameters' space of a factor.
+    """Split the parameters' space of a factor R (k, p), by the smallest pivot relative to the largest.
 
-    Args:
-        R: factor of the weighted regressor, shape (k, p).
-        tolerance: smallest diagonal of the scaled pivoted factor, relative to its largest.
-        scale: length that counts as one unit of each parameter; default the inverse column length.
+    ``scale`` is the length that counts as one unit of each parameter, the inverse column length where not
+    given.
     """
     p = R.shape[1]
     length = np.linalg.norm(R, axis=0)

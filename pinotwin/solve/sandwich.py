@@ -19,13 +19,7 @@ from pinotwin.arrays import Floats
 
 
 def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
-    """Return the covariance of parameters, (p, p), robust to correlated residuals: S by :func:`long_run`.
-
-    Args:
-        scores: J' r of every sample, (n, p).
-        information: J'J plus the priors' precision, (p, p).
-        lag: samples over which residuals are correlated.
-    """
+    """Return the covariance of parameters, (p, p), from scores J' r (n, p) correlated over ``lag`` samples."""
     inverse = np.linalg.inv(information)
     return inverse @ long_run(scores, lag) @ inverse
 
@@ -37,14 +31,10 @@ def long_run(scores: Floats, lag: int) -> Floats:
 
 
 def bartlett(scores: Floats, window: int, chunk: int = 1 << 16) -> Floats:
-    """Return the sum of the lagged products of scores under a triangular window, (p, p).
+    """Return the sum of lagged products of scores under a triangular window, (p, p): the window sums' mean square.
 
-    The sums over all windows have it as their mean square.
-
-    Args:
-        scores: at even times, overwritten; ``window`` rows of zeros follow every stretch, (n, p).
-        window: rows of a window.
-        chunk: windows that are summed at once: those of an hour of five axes fill a gigabyte.
+    Scores (n, p) are at even times, ``window`` rows of zeros after every stretch, and are overwritten;
+    ``chunk`` windows are summed at once, for those of an hour of five axes fill a gigabyte.
     """
     np.cumsum(scores, axis=0, out=scores)
     total = scores[:window].T @ scores[:window]
@@ -56,12 +46,7 @@ def bartlett(scores: Floats, window: int, chunk: int = 1 << 16) -> Floats:
 
 
 def block_covariance(columns: Floats, residual: Floats) -> Floats:
-    """Return the block-robust covariance of a least-squares fit, shape (p, p).
-
-    Args:
-        columns: its (linearised) columns, shape (n, p).
-        residual: what it leaves, shape (n,).
-    """
+    """Return the block-robust covariance (p, p) of a fit with columns (n, p) that leaves a residual (n,)."""
     own, _ = batch_means(columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual))
     return own
 
@@ -99,19 +84,13 @@ def block_length(influence: Floats, fewest: int = 20) -> int:
 
 
 def left_out(J: Floats, e: Floats, inverse: Floats, block: int) -> Floats:
-    """Return S of A^-1 S A^-1 by leaving out blocks of samples in turn, (p, p).
+    """Return S of A^-1 S A^-1, (p, p), by leaving out blocks of samples in turn; J (n, k, p) and e (n, k) are white.
 
-    The delete-a-group jackknife (Bell and McCaffrey 2002, "CR3"): without block b the parameters
-    move by (A - J_b'J_b)^-1 J_b'e_b = A^-1 s_b, s_b = (I - J_b'J_b A^-1)^-1 J_b'e_b, and S is the
-    sum of s_b s_b'. Against :func:`long_run` it allows for what the fit has taken out of the
-    residuals of a short record, and for every correlation within a block. What one block alone
-    determines would blow up; the factors 1 / (1 - leverage) stop at 4.
-
-    Args:
-        J: Jacobian, whitened, (n, k, p).
-        e: residuals, whitened, (n, k).
-        inverse: of the information A of all data and priors, its part for these parameters, (p, p).
-        block: samples of a block.
+    The delete-a-group jackknife (Bell and McCaffrey 2002, "CR3"): without block b the parameters move by (A -
+    J_b'J_b)^-1 J_b'e_b = A^-1 s_b, s_b = (I - J_b'J_b A^-1)^-1 J_b'e_b, and S is the sum of s_b s_b'. Against
+    :func:`long_run` it allows for what the fit has taken out of the residuals of a short record, and for every
+    correlation within a block. What one block alone determines would blow up; the factors 1 / (1 - leverage)
+    stop at 4. ``inverse`` is that of A, (p, p).
     """
     size = J.shape[2]
     L = np.linalg.cholesky(inverse)

@@ -11,6 +11,7 @@ per candidate, so the block's whole grid is scanned, the best basins are kept, a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -18,16 +19,18 @@ import scipy
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.projection import RANK, Projection, Span
-from pinotwin.solve.result import Basin
+
+
+@dataclass(frozen=True)
+class Basin:
+    """A local optimum of one block's shapes: search coordinates (s,), and what they take off the sum of squares."""
+
+    x: Floats
+    gain: float
 
 
 class Scan:
-    """The gain of one block as a function of its shapes, all other columns held.
-
-    Attributes:
-        block: the block.
-        evaluations: number of candidates looked at so far.
-    """
+    """The gain of one block as a function of its shapes, all other columns held."""
 
     def __init__(
         self,
@@ -37,18 +40,9 @@ class Scan:
         sigma: Floats,
         kept: int = 4,
     ) -> None:
-        """Project out the fixed columns and those of other blocks.
-
-        Args:
-            projection: the problem.
-            b: which block.
-            others: (block, columns) of the blocks to hold.
-            sigma: noise level per axis.
-            kept: basins that are refined.
-        """
+        """Project out the fixed columns and those of other blocks, (block, columns); ``kept`` basins are refined."""
         self.kept = kept
         self.block: Moving = projection.moving[b]
-        self.evaluations = 0
         pieces = [(k, C, projection.numbers(k)) for k, C in others]
         spans = [s.wider(*projection.on_axis(i, pieces)) for i, s in enumerate(projection.spans)]
         sizes = [s.basis.shape[1] for s in spans]
@@ -74,7 +68,6 @@ class Scan:
 
     def gains(self, points: Floats) -> Floats:
         """Return the gain at every point, shape (m,), for points of shape (m, s)."""
-        self.evaluations += len(points)
         c = len(self.block.names)
         inside = np.zeros((len(points), self._rows, c))
         gram = np.zeros((len(points), c, c))
@@ -95,14 +88,10 @@ class Scan:
         return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
 
     def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
-        """Return the best basins of the block, best first.
+        """Return the best basins of the block, best first, searched between the grid's values too if ``refine``.
 
-        The longest grid is scanned first with the other shapes at ``start``, then each further
-        shape from every basin kept.
-
-        Args:
-            start: search coordinates from which to scan, shape (s,).
-            refine: also search between the values of the grid.
+        The longest grid is scanned first with the other shapes at ``start`` (s,), then each further shape from
+        every basin kept.
         """
         grids = self.block.grids
         kept = [Basin(start, self.gain(start))]

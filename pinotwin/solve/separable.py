@@ -12,25 +12,23 @@ widens that of theta.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.solve.covariance import spread
+from pinotwin.solve.descent import End, rival
 from pinotwin.solve.linear import Options, linear, reduce, solve
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.polish import Limits, Polished, VariableProjection, polish
+from pinotwin.solve.polish import Limits, VariableProjection, polish
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
-
-GLANCE, NEAR = 4, 1.02
-"""Evaluations after which a rival is given up, unless its cost is below this many times the best one's by then: the
-search converges quadratically, so that little is left to fall."""
 
 
 def separable(
@@ -39,24 +37,20 @@ def separable(
     options: Options | None = None,
     known: Mapping[int, Floats] | None = None,
 ) -> SeparableFit:
-    """Fit fixed columns and moving blocks together.
+    """Fit fixed columns and moving blocks together; blocks at ``known`` shape values are polished, not scanned.
 
-    Args:
-        problem: rows whose regressor holds the fixed columns (at least none).
-        moving: the blocks with shapes.
-        options: prior and bounds cover fixed coefficients first, then those of each block in turn.
-        known: shape values about which some blocks are right already, by block: these are polished, not scanned.
+    Prior and bounds of the options cover the fixed coefficients first, then those of each block in turn.
     """
     options = options or Options()
     if not moving:
         fit = linear(problem, options)
-        return SeparableFit(fit, (), np.zeros(0), np.zeros((0, 0)), (), 0, True)
+        return SeparableFit(fit, ())
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
-    best = search.finish()
+    search.finish()
     del search.projection  # of a long log as large as the problem, which is now judged row by row
-    return search.judge(best)
+    return search.judge()
 
 
 class _Search:
@@ -80,7 +74,6 @@ class _Search:
         self.x = [moving[b].search(known[b]) if b in known else x for b, x in enumerate(middle)]
         self.unknown = [b for b in range(len(moving)) if b not in known]
         self.basins: list[list[Basin]] = [[Basin(x, 0.0)] for x in self.x]
-        self.evaluations = 0
         fixed = Options(sigma=options.sigma, tolerance=options.tolerance)
         self.sigma = solve(self.projection.reduced(), fixed).sigma
 
@@ -122,7 +115,6 @@ class _Search:
         scan = Scan(self.projection, b, others, self.sigma)
         self.basins[b] = scan.basins(self.x[b], refine)
         self.x[b] = self.basins[b][0].x
-        self.evaluations += scan.evaluations
 
     def cell(self, b: int, x: Floats) -> tuple[int, ...]:
         """Return the grid value nearest each shape of a block."""
@@ -148,29 +140,23 @@ class _Search:
         self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
-    def finish(self) -> Polished:
-        """Polish the best combination and its rivals; return the winner."""
+    def finish(self, near: float = 1.02) -> None:
+        """Move all blocks to the end of the best combination, or of a rival that comes near it and ends lower."""
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
-        reduced = VariableProjection(self.projection, self.sigma, self.limits)
+
+        def polished() -> Callable[..., End]:
+            return partial(polish, VariableProjection(self.projection, self.sigma, self.limits), (low, high))
+
         first, *rivals = self.starts()
-        best = polish(reduced, first, low, high)
-        self.evaluations += best.evaluations
-        for rival in rivals:
-            found = polish(reduced, rival, low, high, GLANCE)
-            self.evaluations += found.evaluations
-            if found.cost < NEAR * best.cost:
-                found = polish(reduced, found.x, low, high)
-                self.evaluations += found.evaluations
-                best = min(best, found, key=lambda p: p.cost)
+        best = polished()(first)
+        for start in rivals:
+            best = min(best, *rival(polished(), start, best, near), key=lambda end: end.cost)
         for _ in range(3):
-            self.x = reduced.split(best.x)
+            self.x = self.projection.split(best.x)
             if not self.reweigh():
                 break
-            reduced = VariableProjection(self.projection, self.sigma, self.limits)
-            best = polish(reduced, best.x, low, high)
-            self.evaluations += best.evaluations
-        return best
+            best = polished()(best.x)
 
     def starts(self, rival: float = 0.9, most: int = 3) -> list[Floats]:
         """Return the best combination, then at most a few with one block in a basin of nearly as much gain."""
@@ -184,13 +170,13 @@ class _Search:
         rivals.sort(key=lambda pair: pair[0])
         return [best, *(x for _, x in rivals[:most])]
 
-    def judge(self, best: Polished) -> SeparableFit:
+    def judge(self) -> SeparableFit:
         """Return the result with the covariance of coefficients and shapes together."""
         full = self.full(self.x)
         sigma = self.sigma if self.options.sigma is None else self.options.sigma
         fit = linear(full, replace(self.options, sigma=sigma, inference="none"))
         p = full.parameters
-        slopes = np.zeros((len(full.y), len(best.x)))
+        slopes = np.zeros((len(full.y), sum(map(len, self.x))))
         at, k = self.problem.parameters, 0
         for m, x in zip(self.moving, self.x, strict=True):
             theta = fit.theta[at : at + len(m.names)]
@@ -207,30 +193,12 @@ class _Search:
             lags=found.lags,
             determined=fit.determined & rank.determined[:p],
         )
-        shapes = self.shapes(found.covariance[p:, p:], rank.determined[p:], found.dof)
-        basins = tuple(
-            tuple(Basin(m.values(c.x), c.gain) for c in found)
-            for m, found in zip(self.moving, self.basins, strict=True)
-        )
-        return SeparableFit(fit, shapes, best.x, found.covariance, basins, self.evaluations, best.converged)
+        error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(found.covariance), 0)), np.inf)[p:]
+        return SeparableFit(fit, tuple(self.shapes(iter(error.tolist()))))
 
-    def shapes(self, covariance: Floats, determined: Mask, dof: float) -> tuple[ShapeFit, ...]:
-        """Return what was found about every shape."""
-        out: list[ShapeFit] = []
-        error = np.where(determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)
+    def shapes(self, errors: Iterator[float]) -> Iterator[ShapeFit]:
+        """Yield what was found about every shape, with its standard error."""
         for m, x in zip(self.moving, self.x, strict=True):
-            low, high = m.bounds
-            for k, name in enumerate(m.shapes):
-                out.append(
-                    ShapeFit(
-                        block=m.name,
-                        name=name,
-                        x=float(x[k]),
-                        error=float(error[len(out)]),
-                        dof=dof,
-                        lower=float(low[k]),
-                        upper=float(high[k]),
-                        log=bool(m.log[k]),
-                    )
-                )
-        return tuple(out)
+            for name, *numbers, log in zip(m.shapes, x, *m.bounds, m.log, strict=True):
+                value, low, high = map(float, numbers)
+                yield ShapeFit(m.name, name, value, next(errors), low, high, bool(log))

@@ -12,7 +12,6 @@ from pinotwin.identification.servo.output_error import Found as Found
 from pinotwin.identification.servo.problem import PLANT as PLANT
 from pinotwin.identification.servo.problem import AxisProblem as AxisProblem
 from pinotwin.identification.servo.problem import Factors as Factors
-from pinotwin.identification.servo.structure import MISSED as MISSED
 from pinotwin.identification.servo.structure import afresh as afresh
 from pinotwin.identification.servo.structure import doubtful as doubtful
 from pinotwin.identification.servo.structure import look as look

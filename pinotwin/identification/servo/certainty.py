@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Found, misfit
-from pinotwin.identification.servo.problem import AS_FOUND, PLANT, USUAL, AxisProblem
+from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, PLANT, AxisProblem
 from pinotwin.loop.roots import Roots
 from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
 from pinotwin.solve.sandwich import batch_means
@@ -30,12 +30,9 @@ def shared(
 ) -> list[dict[str, tuple[float, float]]]:
     """Return usual shapes for every axis: what the other axes show, beside what drives have.
 
-    The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis'
-    own log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins.
-
-    Args:
-        looked: the axes with their controllers.
-        alike: least standard deviation of the logarithm of a shape among them.
+    The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis' own
+    log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins. The
+    logarithm of a shape has a standard deviation of ``alike`` among them at least.
     """
     logs, told = {}, {}
     for k, (p, f) in enumerate(looked):
@@ -45,10 +42,10 @@ def shared(
             if name in SHAPES:
                 variance = V[i] * p.correlated / max(rows, 1) * f.cost / 2.0
                 logs[k, name] = float(np.log(getattr(f.servo, name)))
-                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
+                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / DRIVES[name][1] ** 2, 0.0)
     out = []
     for k in range(len(looked)):
-        usual = dict(USUAL)
+        usual = dict(DRIVES)
         for name in SHAPES:
             others = [key for key in logs if key[1] == name and key[0] != k]
             w, x = np.array([told[key] for key in others]), np.array([logs[key] for key in others])
@@ -56,8 +53,8 @@ def shared(
                 continue
             mean = float(w @ x / w.sum())
             width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), alike**2)
-            weights = 1.0 / USUAL[name][1] ** 2, 1.0 / width
-            middle = (weights[0] * np.log(USUAL[name][0]) + weights[1] * mean) / sum(weights)
+            weights = 1.0 / DRIVES[name][1] ** 2, 1.0 / width
+            middle = (weights[0] * np.log(DRIVES[name][0]) + weights[1] * mean) / sum(weights)
             usual[name] = (float(np.exp(middle)), float(np.sqrt(1.0 / sum(weights))))
         out.append(usual)
     return out
@@ -99,14 +96,11 @@ def with_errors(
 ) -> Servo:
     """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
 
-    Args:
-        p: the axis.
-        found: its controller.
-        rivals: the same form, found from the other side of the double root.
-        missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments, which an
-            error of the plant does not reach and which tell the two sides apart.
-        as_good: cost, over the lowest, up to which another cascade fits as well. Far more than the noise of a log
-            would allow: what is wrong with the plant decides between the two as well.
+    ``rivals`` are the same form found from the other side of the double root, ``missed`` the error of e on rows
+    not fitted, as a share of its RMS; None for a law from its own moments, which an error of the plant does not
+    reach and which tell the two sides apart. A cascade up to ``as_good`` times the lowest cost fits as well:
+    far more than the noise of a log would allow, for what is wrong with the plant decides between the two as
+    well.
     """
     servo, cov = found.servo, spread(p, found)
     names = list(_told(servo))
@@ -148,14 +142,10 @@ def _told(servo: Servo) -> dict[str, float]:
 def doubted(
     servo: Servo, errors: Mapping[str, float], missed: float | None, clock: float = 1.5e-4
 ) -> dict[str, float]:
-    """Return standard errors with those of the form of the law: its clock, and what it misses of e.
+    """Return standard errors with those of the form of the law: its clock, and what it misses of e (see with_errors).
 
-    Args:
-        servo: the controller.
-        errors: that its rows' scatter makes.
-        missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments.
-        clock: doubt of when a drive adds up its integral, before or after it is used: half a control period of 2 to
-            8 kHz [s]. kp and 1/ti are nearly equal roots: this is 0.5 to 1 % of kv, and 3 to 5 % of them.
+    A drive adds up its integral before or after it is used: half a control period of 2 to 8 kHz is the doubt
+    ``clock`` [s]. kp and 1/ti are nearly equal roots: this is 0.5 to 1 % of kv, and 3 to 5 % of them.
     """
     found, moved = _told(servo), {}
     if servo.form != "pid":

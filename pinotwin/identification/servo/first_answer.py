@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from pinotwin.arrays import Floats
+from pinotwin.identification.servo.law_alone import Clock
 from pinotwin.identification.servo.output_error import free_gains, misfit
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
-from pinotwin.simulation.law import biquad
 
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
 """Frequencies at which a notch is looked for [Hz]."""
@@ -28,35 +27,22 @@ OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
 
 
 def _columns(p: AxisProblem) -> list[tuple[Floats, Floats]]:
-    """Return e, ∫e, -v, vr, ∫vr, ar on the fine clock, unfiltered, (n, 6), and u of every window."""
-    h, out = p.step / p.substeps, []
+    """Return the law's columns on the fine clock, unfiltered, (6, m), and u of every window."""
+    clock, out = Clock(p.step, p.substeps), []
     for s in p.windows:
-        t = p.step * np.arange(s.stop - s.start)
-        fine = np.linspace(0.0, t[-1], (len(t) - 1) * p.substeps + 1)
-        command, position = (
-            scipy.interpolate.CubicSpline(t, p.qr[s]),
-            scipy.interpolate.CubicSpline(t, p.q[s]),
-        )
-        qr = command(fine)
-        e = qr - position(fine)
-        parts = (e, h * np.cumsum(e), -position(fine, 1), command(fine, 1), qr - qr[0], command(fine, 2))
-        out.append((np.stack(parts), p.u[s]))
+        qr, vr, ar = clock.refined(p.qr[s], 1, 2)
+        q, v = clock.refined(p.q[s], 1)
+        e = qr - q
+        out.append((np.stack([e, clock.h * np.cumsum(e), -v, vr, qr - qr[0], ar]), p.u[s]))
     return out
 
 
 def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -> tuple[float, Servo]:
     """Return the gains of a form by least squares; each window's constant is projected out."""
-    h = p.step / p.substeps
+    clock = Clock(p.step, p.substeps, held=True)
     rows, efforts = [], []
     for fine, u in columns:
-        x = fine.copy()
-        x[2] = _low(x[2], form.velocity_lag, h)
-        if form.notch[0] > 0.0:
-            b = biquad(form.notch, h)
-            x = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], x - x[:, :1]) + x[:, :1]
-        if form.output_lag > 0.0:
-            x = _low(x, form.output_lag, h)
-        picked, y = x[:, :: p.substeps][:, p.skip :], u[p.skip :]
+        picked, y = clock.out(clock.seen(fine, form), form)[:, p.skip :], u[p.skip :]
         rows.append(picked - picked.mean(axis=1, keepdims=True))
         efforts.append(y - y.mean())
     X, y = np.concatenate(rows, axis=1).T, np.concatenate(efforts)
@@ -66,13 +52,6 @@ def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -
     gains[kept] = np.linalg.lstsq(X[:, kept] / size, y, rcond=1e-9)[0] / size
     left = y - X @ gains
     return float(left @ left), replace(form, gains=tuple(gains.tolist()))
-
-
-def _low(x: Floats, lag: float, h: float) -> Floats:
-    if lag <= 0.02 * h:
-        return x
-    pole = np.exp(-h / lag)
-    return np.asarray(scipy.signal.lfilter([1.0 - pole], [1.0, -pole], x - x[..., :1]) + x[..., :1])
 
 
 def proportional(p: AxisProblem, near: Servo) -> Servo:

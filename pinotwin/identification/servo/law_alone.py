@@ -7,6 +7,7 @@ simulated one moved by a spline onto the measured ones: at 250 Hz a reversal lie
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -19,53 +20,85 @@ from pinotwin.signals.noise import burg
 from pinotwin.simulation.law import LONGEST, biquad
 
 
+class Clock(NamedTuple):
+    """A fine clock: the log's step [s], how many steps it makes of one, and whether its low-pass holds its input."""
+
+    step: float
+    substeps: int
+    held: bool = False
+
+    @property
+    def h(self) -> float:
+        """Its own step [s]."""
+        return self.step / self.substeps
+
+    def refined(self, x: Floats, *orders: int) -> list[Floats]:
+        """Return samples (n,) by a cubic spline on the fine clock, and its derivatives of some orders, (m,) each."""
+        t = self.step * np.arange(len(x))
+        fine = np.linspace(0.0, t[-1], (len(t) - 1) * self.substeps + 1)
+        spline = scipy.interpolate.CubicSpline(t, x)
+        return [np.asarray(spline(fine, k)) for k in (0, *orders)]
+
+    def columns(self, qr: Floats, vr: Floats, ar: Floats, q: Floats) -> Floats:
+        """Return e, its integral, -v, vr, its integral and ar, shape (6, m); integrals are as late as simulated."""
+        e, late, h = qr - q, 0.5 * LONGEST, self.h
+        wound = h * (np.cumsum(e) - 0.5 * (e + e[0]))
+        return np.stack([e, wound - late * e, -np.gradient(q, h), vr, qr - late * vr, ar])
+
+    def seen(self, X: Floats, servo: Servo) -> Floats:
+        """Return the columns, shape (6, m), with the velocity as late as the law sees it."""
+        return np.stack([*X[:2], self.low(X[2], servo.velocity_lag), *X[3:]])
+
+    def out(self, X: Floats, servo: Servo) -> Floats:
+        """Return signals (..., m) through notch and current loop, at the log's samples, shape (..., n)."""
+        if servo.notch[0] > 0.0:
+            b = biquad(servo.notch, self.h)
+            X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
+        return self.low(X, servo.output_lag)[..., :: self.substeps]
+
+    def low(self, x: Floats, lag: float) -> Floats:
+        """Return x (..., m) through a first-order low-pass, by the bilinear map ``lag`` [s] late at low frequencies."""
+        if lag <= (0.02 * self.h if self.held else 0.0):
+            return x
+        if self.held:
+            pole = np.exp(-self.h / lag)
+            b, a = [1.0 - pole], -pole
+        else:
+            b = [self.h / (2.0 * lag + self.h)] * 2
+            a = (self.h - 2.0 * lag) / (2.0 * lag + self.h)
+        return np.asarray(scipy.signal.lfilter(b, [1.0, a], x - x[..., :1]) + x[..., :1])
+
+
 @dataclass(frozen=True)
 class Stretch:
-    """One window on a fine clock.
+    """One window on a fine clock."""
 
-    Attributes:
-        measured: e, its integral, -v, vr, the integral of vr and ar, shape (6, m); likewise ``simulated``.
-        u: effort at the log's samples, shape (n,).
-    """
-
-    measured: Floats
+    measured: Floats  # e, its integral, -v, vr, the integral of vr and ar, shape (6, m)
     simulated: Floats
-    u: Floats
+    u: Floats  # effort at the log's samples, shape (n,)
 
 
 @dataclass(frozen=True)
 class LawAlone:
-    """All windows of an axis.
+    """All windows of an axis."""
 
-    Attributes:
-        stretches: its windows.
-        h: internal step [s]. substeps: internal steps a sample.
-        skip: rows left out at the beginning of a window.
-        whitener: 1, -a_1, ... of the effort's error.
-    """
-
-    stretches: tuple[Stretch, ...]
-    h: float
-    substeps: int
-    skip: int
-    whitener: Floats
+    stretches: tuple[Stretch, ...]  # its windows
+    clock: Clock  # on which they are
+    skip: int  # rows left out at the beginning of a window
+    whitener: Floats  # 1, -a_1, ... of the effort's error
 
     @classmethod
     def of(cls, p: AxisProblem, servo: Servo, clock: float = 5e-4, memory: float = 0.06) -> LawAlone | None:
         """Return the windows of an axis, simulated under a controller; None where it runs away.
 
-        Args:
-            p: the axis.
-            servo: the controller.
-            clock: longest internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of
-                a few of them.
-            memory: of the autoregression that whitens the effort's error [s].
+        The laws of drives are smooth over ``clock`` [s], whose fastest parts are lags of a few of them; an
+        autoregression of ``memory`` [s] whitens the effort's error.
         """
-        substeps = max(1, int(np.ceil(p.step / clock - 1e-9)))
-        stretches = [made for s in p.windows if (made := _stretch(p, servo, s, substeps)) is not None]
+        fine = Clock(p.step, max(1, int(np.ceil(p.step / clock - 1e-9))))
+        stretches = [made for s in p.windows if (made := _stretch(p, servo, s, fine)) is not None]
         if len(stretches) < len(p.windows):
             return None
-        plain = cls(tuple(stretches), p.step / substeps, substeps, p.skip, np.ones(1))
+        plain = cls(tuple(stretches), fine, p.skip, np.ones(1))
         rows = min(len(s.u) for s in stretches) - p.skip
         order = min(int(memory / p.step), rows // 10)
         if order <= 0:
@@ -75,7 +108,9 @@ class LawAlone:
 
     def residual(self, servo: Servo) -> list[Floats]:
         """Return what the law leaves of the measured effort of every window."""
-        return [(s.u - self._effort(s.measured, servo))[self.skip :] for s in self.stretches]
+        gains, clock = np.array(servo.gains), self.clock
+        made = (clock.out(gains @ clock.seen(s.measured, servo), servo) for s in self.stretches)
+        return [(s.u - u)[self.skip :] for s, u in zip(self.stretches, made, strict=True)]
 
     def left(self, servo: Servo) -> Floats:
         """Return the whitened error of all windows, shape (n,)."""
@@ -92,64 +127,31 @@ class LawAlone:
         white = scipy.signal.lfilter(self.whitener, [1.0], rows)[..., order:]
         return np.asarray(white - white.mean(axis=-1, keepdims=True))
 
-    def _effort(self, X: Floats, servo: Servo) -> Floats:
-        """Return the law's effort at the log's samples, (n,)."""
-        return self._out(np.array(servo.gains) @ self._seen(X, servo), servo)
-
-    def _seen(self, X: Floats, servo: Servo) -> Floats:
-        X = X.copy()
-        X[2] = _low(X[2], servo.velocity_lag, self.h)
-        return X
-
-    def _out(self, X: Floats, servo: Servo) -> Floats:
-        """Return columns through notch and current loop, at the log's samples."""
-        if servo.notch[0] > 0.0:
-            b = biquad(servo.notch, self.h)
-            X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
-        return _low(X, servo.output_lag, self.h)[..., :: self.substeps]
-
     def _slopes(self, X: Floats, search: Search, x: Floats, size: float = 1e-4) -> Floats:
         """Return the slopes of the law's effort over what is searched, shape (k, n), by differences of a size."""
         servo = search.servo(x)
-        seen, gains = self._seen(X, servo), np.array(servo.gains)
-        columns, effort = self._out(seen, servo), gains @ seen
+        clock, gains = self.clock, np.array(servo.gains)
+        seen = clock.seen(X, servo)
+        columns, effort = clock.out(seen, servo), gains @ seen
         out = np.zeros((len(x), columns.shape[1]))
         for i, name in enumerate(search.names):
             step = size * np.eye(len(x))[i]
             ahead, behind = search.servo(x + step), search.servo(x - step)
             out[i] = (np.array(ahead.gains) - np.array(behind.gains)) @ columns
             if name == "velocity_lag":
-                late = _low(X[2], ahead.velocity_lag, self.h) - _low(X[2], behind.velocity_lag, self.h)
-                out[i] += self._out(gains[2] * late, servo)
+                late = clock.low(X[2], ahead.velocity_lag) - clock.low(X[2], behind.velocity_lag)
+                out[i] += clock.out(gains[2] * late, servo)
             elif name == "output_lag" or name.startswith("notch"):
-                out[i] += self._out(effort, ahead) - self._out(effort, behind)
+                out[i] += clock.out(effort, ahead) - clock.out(effort, behind)
         return out / (2.0 * size)
 
 
-def _stretch(p: AxisProblem, servo: Servo, s: slice, substeps: int) -> Stretch | None:
-    t = p.step * np.arange(s.stop - s.start)
-    fine = np.linspace(0.0, t[-1], (len(t) - 1) * substeps + 1)
-    command = scipy.interpolate.CubicSpline(t, p.qr[s])
-    qr, vr, ar = (command(fine, k) for k in range(3))
-    error = p.fine_error(servo, s, (qr, vr), substeps)
+def _stretch(p: AxisProblem, servo: Servo, s: slice, clock: Clock) -> Stretch | None:
+    qr, vr, ar = clock.refined(p.qr[s], 1, 2)
+    error = p.fine_error(servo, s, (qr, vr), clock.substeps)
     if error is None:
         return None
     simulated = qr - error
-    measured = simulated + scipy.interpolate.CubicSpline(t, p.q[s] - simulated[::substeps])(fine)
-    channels = [_channels(qr, vr, ar, q, p.step / substeps) for q in (measured, simulated)]
+    (apart,) = clock.refined(p.q[s] - simulated[:: clock.substeps])
+    channels = [clock.columns(qr, vr, ar, q) for q in (simulated + apart, simulated)]
     return Stretch(channels[0], channels[1], p.u[s])
-
-
-def _channels(qr: Floats, vr: Floats, ar: Floats, q: Floats, h: float) -> Floats:
-    """Return e, its integral, -v, vr, its integral and ar; integrals are as late as the simulation adds them up."""
-    e, late = qr - q, 0.5 * LONGEST
-    wound = h * (np.cumsum(e) - 0.5 * (e + e[0]))
-    return np.stack([e, wound - late * e, -np.gradient(q, h), vr, qr - late * vr, ar])
-
-
-def _low(x: Floats, lag: float, h: float) -> Floats:
-    """Return x (..., n) through a first-order low-pass by the bilinear map: it is ``lag`` late at low frequencies."""
-    if lag <= 0.0:
-        return x
-    b, a = h / (2.0 * lag + h), (h - 2.0 * lag) / (2.0 * lag + h)
-    return np.asarray(scipy.signal.lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])

@@ -22,7 +22,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.law_alone import LawAlone
 from pinotwin.identification.servo.output_error import Found, Search, polish, search_of
-from pinotwin.identification.servo.problem import USUAL, AxisProblem
+from pinotwin.identification.servo.problem import DRIVES, AxisProblem
 from pinotwin.loop.servo import SHAPES, Servo
 
 LATER = (0.7, 1.4)
@@ -32,19 +32,12 @@ Usual = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Solved:
-    """Where the moments vanish.
+    """Where the moments vanish."""
 
-    Attributes:
-        servo: the controller.
-        information: of a search that begins at the servo; its transpose times itself is the inverse of a
-            covariance, shape (k, k).
-        error: sum of squares of the law's whitened error. rows: their number.
-    """
-
-    servo: Servo
-    information: Floats
-    error: float
-    rows: int
+    servo: Servo  # the controller
+    information: Floats  # of a search begun at the servo: R'R is the inverse of a covariance, shape (k, k)
+    error: float  # sum of squares of the law's whitened error
+    rows: int  # their number
 
     def worse(self, other: Solved) -> float:
         """Return how much larger the error is than another's, over its variance."""
@@ -65,18 +58,9 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
     """Return the law of a form whose moments vanish, or None where the search ends at a known one, or not at all.
 
     Shapes are held to usual ones as far as the moments leave them open. Dead time and offset stay: the logged
-    effort knows nothing of them.
-
-    Args:
-        law: the windows.
-        start: where the search begins; its form is kept.
-        usual: shapes that are usual.
-        known: answers of the same form.
-        turns: most steps.
-        renewed: steps at which the instruments follow; then they stay: any near the answer are as good.
-        close: step at which the search ends, in units of the search.
-        rough: step beyond which the last one is no end.
-        longest: step.
+    effort knows nothing of them. For ``renewed`` of at most ``turns`` steps the instruments follow; then they
+    stay: any near the answer are as good. A step is ``longest`` at most in units of the search, which ends at a
+    ``close`` one; a last one beyond ``rough`` is no end.
     """
     search, x = search_of(start)
     P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
@@ -95,7 +79,7 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
         if not np.isfinite(x).all():
             return None
         servo = search.servo(x)
-        moved = float(np.abs(move * [_weight(name, servo, law.h) for name in search.names]).max())
+        moved = float(np.abs(move * [_weight(name, servo, law.clock.h) for name in search.names]).max())
         if moved < close:
             break
         if any(_same(servo, other, 0.01) for other in known):
@@ -117,7 +101,7 @@ def _weight(name: str, servo: Servo, h: float) -> float:
 
 def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Floats:
     """Return the covariance of Z' r from the sums of blocks of a length, whose scores count as independent, (k, k)."""
-    block = max(1, int(seconds / (law.h * law.substeps)))
+    block = max(1, int(seconds / law.clock.step))
     sums = np.add.reduceat(Z * r[:, None], np.arange(0, len(r), block))
     return np.asarray(sums.T @ sums)
 
@@ -171,17 +155,13 @@ def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12
     """Return the controller that the moments speak for, after it what they speak for as well; or none.
 
     Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
-    which also settles what the moments leave open, on the problem that :func:`beside_moments` makes.
-
-    Args:
-        p: the axis.
-        near: its controller, from the output error; its form is kept.
-        tells: rise of the law's whitened squared error, over its variance, at which an answer is out.
-        steps: of the search in which the output error settles what the moments leave open.
+    which also settles in ``steps`` what the moments leave open, on the problem that :func:`beside_moments`
+    makes. ``near`` is that of the output error, whose form is kept; a rise of the whitened squared error over
+    its variance by ``tells`` puts an answer out.
     """
     near = _without_feedforward(p, near, tells, steps) or near
     law, q = LawAlone.of(p, near), beside_moments(p)
-    solved = [] if law is None else answers(law, near, USUAL)
+    solved = [] if law is None else answers(law, near, DRIVES)
     likely = [s for s in solved if s.worse(solved[0]) < tells]
     found = [(s, polish(q, s.servo, steps=steps, known=s.information)) for s in likely]
 
@@ -205,7 +185,7 @@ def _without_feedforward(p: AxisProblem, near: Servo, tells: float, steps: int) 
     law = None if bare is None else LawAlone.of(p, bare.servo)
     if bare is None or law is None:
         return None
-    plain, ahead = (solve(law, s, USUAL) for s in (bare.servo, near))
+    plain, ahead = (solve(law, s, DRIVES) for s in (bare.servo, near))
     r = law.left(near)
     least = min(float(r @ r), np.inf if ahead is None else ahead.error)
     told = plain is not None and (plain.error / least - 1.0) * plain.rows < tells

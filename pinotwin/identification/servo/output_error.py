@@ -142,16 +142,10 @@ def polish(
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
 
-    A search that begins at a law that holds its axis goes to such alone: windows of a few seconds, each begun in the
-    measured state, may be shown as well by a loop that grows slowly.
-
-    Args:
-        p: the axis.
-        servo: where the search begins.
-        plant: what of :data:`PLANT` is searched beside it.
-        steps: most steps.
-        known: information that something else gives of what is searched, about the start, shape (j, k): its
-            transpose times itself is the inverse of a covariance.
+    A search that begins at a law that holds its axis goes to such alone: windows of a few seconds, each begun
+    in the measured state, may be shown as well by a loop that grows slowly. What is named of :data:`PLANT` is
+    searched beside it; ``known`` is what something else tells about the start, shape (j, k): its transpose times
+    itself inverts a covariance.
     """
     search, x = search_of(servo, plant, float(p.sizes[1]))
     begun = x
@@ -191,15 +185,9 @@ def descend(
 ) -> tuple[Floats, Floats] | None:
     """Return where a sum of squares is least near a start, and its residuals there (Levenberg-Marquardt).
 
-    Args:
-        at: residuals at a point, or None where there are none.
-        size: of the differences that make their slopes.
-        x: the start, each coordinate in a size of its own.
-        allowed: where a step may end.
-        steps: most steps.
-        longest: step: a share of a gain, or of a shape's logarithm.
-        enough: the search ends when two steps in a row bring less than this share: one may be short where an axis
-            sticks.
+    Steps end where ``allowed``, each ``longest`` at most: a share of a gain, or of a shape's logarithm; slopes
+    are differences of a ``size``. The search ends when two steps in a row bring less than the share ``enough``:
+    one may be short where an axis sticks.
     """
     r = at(x)
     if r is None:

@@ -16,7 +16,7 @@ from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.law import Law
 from pinotwin.simulation.state import Lookup
 
-USUAL = {
+DRIVES = {
     "velocity_lag": (4e-4, 1.0),
     "output_lag": (2e-4, 1.0),
     "dead": (1.2e-4, 1.0),
@@ -53,45 +53,29 @@ def skipped(step: float, seconds: float = 0.25) -> int:
 class AxisProblem:
     """One axis alone: its command, what was measured, and what the plant says of it.
 
-    Attributes:
-        step: sampling interval [s].
-        qr: command, shape (n,); likewise its velocity ``vr``.
-        q: measured position that is regulated, shape (n,); likewise its velocity ``v`` (smooth) and the effort ``u``.
-        load: effort that helps the motor: less everything but inertia and own friction, shape (n,).
-        inertia: M_D of the axis.
-        viscous: C of the axis.
-        tables: the axis' own friction.
-        windows: rows to simulate, in order.
-        lead: rows that may be simulated before those, and are not compared.
-        stretches: rows without a gap; of windows that meet in one of them the later goes on where the earlier ends:
-            what friction and integrator remember is not measured.
-        sizes: RMS of e and u over the windows, shape (2,).
-        noise: share of it below which an error of e and u says nothing, shape (2,).
-        usual: shapes that are usual, see :data:`USUAL`.
-        fine: longest internal step [s].
-        correlated: rows of residual that tell as much as one independent row.
-        quiet: error of a signal, as a share of its RMS, that is no worse than none.
+    Of windows that meet in a stretch the later goes on where the earlier ends: what friction and integrator
+    remember is not measured. ``noise`` has shape (2,), for e and u.
     """
 
-    step: float
-    qr: Floats
-    vr: Floats
-    q: Floats
-    v: Floats
-    u: Floats
-    load: Floats
-    inertia: float
-    viscous: float
-    tables: Lookup
-    windows: tuple[slice, ...]
-    fine: float = 5e-4
-    lead: tuple[slice, ...] = ()
-    stretches: tuple[slice, ...] = ()
-    sizes: Floats = field(default_factory=lambda: np.ones(2))
-    noise: Floats = field(default_factory=lambda: np.ones(2))
-    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
-    correlated: float = 20.0
-    quiet: float = 5e-4
+    step: float  # sampling interval [s]
+    qr: Floats  # command, shape (n,)
+    vr: Floats  # its velocity
+    q: Floats  # measured position that is regulated, shape (n,)
+    v: Floats  # its velocity (smooth), shape (n,)
+    u: Floats  # effort, shape (n,)
+    load: Floats  # effort that helps the motor: less all but inertia and own friction, shape (n,)
+    inertia: float  # M_D of the axis
+    viscous: float  # C of the axis
+    tables: Lookup  # the axis' own friction
+    windows: tuple[slice, ...]  # rows to simulate, in order
+    fine: float = 5e-4  # longest internal step [s]
+    lead: tuple[slice, ...] = ()  # rows that may be simulated before the windows, and are not compared
+    stretches: tuple[slice, ...] = ()  # rows without a gap
+    sizes: Floats = field(default_factory=lambda: np.ones(2))  # RMS of e and u over the windows, shape (2,)
+    noise: Floats = field(default_factory=lambda: np.ones(2))  # share below which an error is none
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: DRIVES)  # usual shapes
+    correlated: float = 20.0  # rows of residual that tell as much as one independent row
+    quiet: float = 5e-4  # error of a signal, as a share of its RMS, that is no worse than none
 
     @cached_property
     def _travel(self) -> float:
@@ -112,12 +96,7 @@ class AxisProblem:
         return replace(self, windows=tuple(windows), lead=())
 
     def response(self, servo: Servo, extra: Factors = AS_FOUND) -> Floats | None:
-        """Return simulated e and u on all windows, shape (rows, 2), or None if the axis runs away.
-
-        Args:
-            servo: the controller.
-            extra: factors on the plant.
-        """
+        """Return simulated e and u on all windows, shape (rows, 2), or None if the axis runs away."""
         if extra != AS_FOUND:
             return self.with_plant(extra).response(servo)
         axis, out = self._axis(servo, self.step / self.substeps), []
@@ -141,13 +120,9 @@ class AxisProblem:
     def fine_error(
         self, servo: Servo, window: slice, command: tuple[Floats, Floats], substeps: int
     ) -> Floats | None:
-        """Return the simulated error of a window at every internal step, or None if the axis runs away.
+        """Return the simulated error of a window at every internal step, shape (m,), or None if the axis runs away.
 
-        Args:
-            servo: the controller.
-            window: rows.
-            command: and its velocity at the internal steps, shapes (m,).
-            substeps: internal steps a sample.
+        The command and its velocity are given at the internal steps.
         """
         rows = np.arange(window.stop - window.start)
         load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])

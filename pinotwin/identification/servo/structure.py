@@ -12,13 +12,11 @@ from pinotwin.identification.servo.certainty import same_gains, with_errors
 from pinotwin.identification.servo.first_answer import DEAD, LAGS, NOTCHES, OUTPUT_LAG, proportional, starts
 from pinotwin.identification.servo.moments import beside_moments, by_moments
 from pinotwin.identification.servo.output_error import Found, misfit, polish
-from pinotwin.identification.servo.problem import AS_FOUND, USUAL, AxisProblem, Factors
+from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, AxisProblem, Factors
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation.law import LONGEST
 
-MISSED, FAR = 0.2, 3.0
-"""Error of e, as a share of its RMS on windows not fitted, and distance of a shape from usual ones [standard
-deviations], beyond which another start is tried."""
 BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
 """Of the position loop [Hz], to start from."""
 BRIEF, REPOLISH = 4, 4
@@ -33,24 +31,15 @@ def look(
     p: AxisProblem,
     friction: tuple[str, ...],
     allowed: Callable[[Factors], bool],
-    *,
-    pays: float = 0.98,
-    simpler_pays: float = 0.97,
+    settings: Settings = USUAL,
     fits: float = 4.0,
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
-    Args:
-        p: the axis.
-        friction: which friction of :data:`PLANT` may be refined beside the controller.
-        allowed: whether such factors leave the plant's own fit as good.
-        pays: a larger structure must bring the held-out error below this share of the smaller one's.
-        simpler_pays: a law with fewer gains is kept if the larger costs more than this share of its held-out error.
-        fits: a law with fewer gains fits its windows about as well, its cost below this many times the others':
-            held-out windows that hardly move tell no law from another.
-
-    A notch is looked for where the law without one leaves something of e, and taken where it pays on
-    windows that were not fitted. A law that does not hold the axis is none.
+    A notch is looked for where the law without one leaves something of e, and taken where it pays on windows
+    that were not fitted. A law that does not hold the axis is none. Friction is refined beside it where the
+    plant's own fit stays as good. A law with fewer gains is a candidate where its cost is below ``fits`` times the
+    others': held-out windows that hardly move tell no law from another.
     """
     train, judge = p.split()
     begun = starts(train)
@@ -64,13 +53,13 @@ def look(
         good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:2]
         long = sorted((polish(train, f.servo) or f for f in good), key=lambda f: f.cost)
         long = [f for f in long if NOTCHES[0] / 1.5 < f.servo.notch[0] < NOTCHES[-1] * 1.5]
-        best = better_of(judge, best, long, pays)
-    if best is None or doubtful(judge, best):
-        best = better_of(judge, best, afresh(train), pays)
+        best = better_of(judge, best, long, settings.law_pays)
+    if best is None or doubtful(judge, best, settings):
+        best = better_of(judge, best, afresh(train), settings.law_pays)
     if best is None:
         return None
     factors = AS_FOUND
-    refined = _with_friction(train, judge, best, friction, allowed, pays)
+    refined = _with_friction(train, judge, best, friction, allowed, settings.law_pays)
     if refined is not None:
         factors, best = refined.extra, replace(refined, extra=AS_FOUND)
         train, judge = (x.with_plant(factors) for x in (train, judge))
@@ -79,7 +68,7 @@ def look(
     simple = [
         min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
     ]
-    best = better_of(judge, best, simple, 1.0 / simpler_pays) or best
+    best = better_of(judge, best, simple, 1.0 / settings.simpler_law) or best
     if not judge.holds(best.servo):
         tamed = [f for f in (*forms, *afresh(train)) if judge.holds(f.servo)]
         best = min(tamed, key=lambda f: error_of(judge, f), default=None)
@@ -110,10 +99,10 @@ def _with_friction(
     return None
 
 
-def doubtful(judge: AxisProblem, found: Found) -> bool:
-    """Whether an answer is a reason to search again: it misses e, or a shape is far from any that drives have."""
+def doubtful(judge: AxisProblem, found: Found, settings: Settings = USUAL, far: float = 3.0) -> bool:
+    """Whether to search again: an answer misses e, or a shape is ``far`` standard deviations from what drives have."""
     odd = found.search.doubt(found.x, judge.usual, judge.inertia)
-    return errors_of(judge, found)[0] > MISSED or bool(np.any(np.abs(odd) > FAR))
+    return errors_of(judge, found)[0] > settings.missed or bool(np.any(np.abs(odd) > far))
 
 
 def afresh(p: AxisProblem) -> list[Found]:
@@ -140,18 +129,20 @@ def afresh(p: AxisProblem) -> list[Found]:
     return sorted((polish(p, f.servo) or f for f in good), key=lambda f: f.cost)
 
 
-def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]] = USUAL) -> Found:
+def settle(
+    p: AxisProblem,
+    found: Found,
+    usual: Mapping[str, tuple[float, float]] = DRIVES,
+    settings: Settings = USUAL,
+) -> Found:
     """Return the controller with its gains from all windows, its intervals, and the cascade that fits as well.
 
-    Args:
-        p: the axis.
-        found: what :func:`look` returned.
-        usual: shapes to hold on to where the log tells nothing: what the other axes show, say.
+    Where the log tells nothing of a shape it holds on to a usual one: what the other axes show, say.
     """
     p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
     last = last if p.holds(last.servo) else found
-    return _from_moments(p, found, last) or _from_output_error(p, found, last)
+    return _from_moments(p, found, last, settings.moments_worse) or _from_output_error(p, found, last)
 
 
 def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
@@ -166,7 +157,7 @@ def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
 
 
 def _from_moments(
-    p: AxisProblem, found: Found, last: Found, no_worse: float = 1.05, little: float = 0.002
+    p: AxisProblem, found: Found, last: Found, no_worse: float, little: float = 0.002
 ) -> Found | None:
     """Return the controller that its own signals speak for; None where it predicts unseen windows worse.
 
