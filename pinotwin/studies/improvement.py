@@ -22,8 +22,6 @@ from pinotwin.twin import Twin
 Tell = Callable[[str, float], None]
 Errors = Mapping[str, Mapping[str, float]]
 """Axis -> ``u`` (effort along the measured motion), ``e`` (tracking error from the command): RMS error / RMS."""
-MOST = 5
-"""Steps after the first; three were enough for every bundled machine with all of its effects taken out."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def improve(
     *,
     validate: LogLike | Sequence[LogLike],
     seed: int = 0,
-    most: int = MOST,
+    most: int = 5,
     report: Tell | None = None,
 ) -> Improvement:
     """Identify a machine, add what its model lacks, identify it again, until nothing helps on a sealed log.
