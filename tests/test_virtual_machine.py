@@ -312,7 +312,7 @@ def test_saturation_holds_the_effort_and_recovers(urdf_dir):
         ("axes: {Y: 3}", "expected keys and values"),
         ("axes: {Y: {friction: 0}}", "expected keys and values, found 0"),
         ("payload: {joint: Y}", "expected a list, found"),
-        ("inertial_error: [0.1]", "expected 2 values, found 1"),
+        ("inertial_error: [0.1]", r"expected a list of 2, found \[0\.1\]"),
     ],
 )
 def test_a_bad_sealed_file_is_named(tmp_path, text, message):

@@ -16,10 +16,10 @@ from pinotwin.machine.bundled import bundled_path, machines, robots
 from pinotwin.machine.effect_list import effect_schema, effect_spec, make_effects
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, MachineFile, Passive
-from pinotwin.machine.reading import kinds_of, read, schema
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import read_yaml
+from pinotwin.system.reading import kinds_of, read, schema
 from pinotwin.system.writing import as_path
 
 DEFAULT_EFFECTS = ("viscous", "coulomb")

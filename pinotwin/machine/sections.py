@@ -16,8 +16,8 @@ from pinotwin.arrays import Floats
 from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, POSITIONS, Column, is_contract_name
 from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
-from pinotwin.machine.reading import Number, known_key, read, read_keys
 from pinotwin.machine.urdf_check import read_tree
+from pinotwin.system.reading import Number, known_key, read, read_keys
 from pinotwin.units import SI_FACTOR
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
