@@ -90,6 +90,16 @@ def parameter_units(model: pin.Model) -> tuple[str, ...]:
     return (*BODY_UNITS * body_count(model), *rotor)
 
 
+def joint_axis(model: pin.Model, joint: int) -> tuple[bool, Floats]:
+    """Return whether a joint of one degree of freedom turns, and its unit axis in its own frame, shape (3,)."""
+    kind = model.joints[joint]
+    data = kind.createData()
+    kind.calc(data, np.zeros(kind.nq), np.zeros(kind.nv))
+    S = np.asarray(data.S).reshape(6)
+    turns = bool(np.any(S[3:]))
+    return turns, S[3:] if turns else S[:3]
+
+
 def rotary(model: pin.Model) -> tuple[bool, ...]:
     """Return for every velocity whether it is a rotation [rad/s] rather than a slide [m/s]."""
     require_simple(model)
