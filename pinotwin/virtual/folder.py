@@ -19,7 +19,7 @@ class Folder:
     """What a virtual machine is made from."""
 
     name: str  # name of the machine
-    urdf: Path | str  # path of the URDF, or its text
+    urdf: Path  # the URDF
     axes: Mapping[str, str]  # axis name -> joint name
     passive: Mapping[str, str]  # passive name -> joint name
     truth: Truth  # the sealed truth
