@@ -11,7 +11,7 @@ from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
-from pinotwin.machine.bundled import bundled_path, machines
+from pinotwin.machine.bundled import machines
 from pinotwin.virtual import trajectories
 from pinotwin.virtual.machine import VirtualMachine
 from pinotwin.virtual.recording import Recording
@@ -104,7 +104,7 @@ def record(  # noqa: PLR0913, the public call: every option is a keyword
 def folder_of(machine: str | Path) -> Path:
     """Return the folder of a machine, by its path or its name."""
     bundled = not Path(machine).exists() and str(machine) in machines()
-    return bundled_path(str(machine)) if bundled else Path(machine)
+    return machines()[str(machine)] if bundled else Path(machine)
 
 
 def _trajectory(
