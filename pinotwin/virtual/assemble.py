@@ -10,7 +10,7 @@ import pinocchio as pin
 from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual.amounts import Body
 from pinotwin.virtual.axis_truth import AxisTruth
-from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
+from pinotwin.virtual.defaults import Scale, filled, resolved_axis, resolved_limits, scales
 from pinotwin.virtual.folder import Folder
 from pinotwin.virtual.parameters import Layout
 from pinotwin.virtual.tree import assembled, axes_of, links_of, perturbed
@@ -33,7 +33,7 @@ def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, di
         axis = truth.axes.get(name, AxisTruth())
         limits = resolved_limits(axis.limits, model, j, bool(rotary[j]))
         off = 1.0 + rng.choice((-1.0, 1.0)) * rng.uniform(*truth.inertial_error)
-        axis = changed(axis, "drive", rotor=fallback(axis.drive.rotor, folder.rotors.get(name, 0.0) * off))
+        axis = replace(axis, drive=filled(axis.drive, rotor=folder.rotors.get(name, 0.0) * off))
         top = axis.controller.effort_limit or folder.limits.get(name)
         axes[name] = replace(changed(axis, "controller", effort_limit=top), limits=limits)
         travels[j] = limits.travel or (0.0, 0.0)
