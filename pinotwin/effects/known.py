@@ -25,7 +25,7 @@ from pinotwin.effects.effect import Effect, OneAxis
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.effects.presliding import Presliding
 from pinotwin.effects.rigid_body import RigidBody
-from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.errors import InputError, MachineError, require
 
 EFFECTS: dict[str, type[Effect]] = {
     effect.name: effect
@@ -125,8 +125,7 @@ def kind_of(effect: EffectLike) -> type[Effect]:
         if ":" in effect:
             return resolve(effect)
         names = known()
-        if effect not in names:
-            raise InputError(f"unknown effect {effect!r}; {nearest(effect, names)}")
+        require(effect, names, "unknown effect", InputError)
         return names[effect]
     raise InputError(f"expected an Effect, its class or module:Class, not {type(effect).__name__}")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.virtual.amounts import Body
 from pinotwin.virtual.axis_truth import AxisTruth
 from pinotwin.virtual.defaults import Scale, filled, resolved_axis, resolved_limits, scales
@@ -24,8 +24,7 @@ def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, di
     rng = np.random.default_rng([truth.seed, 2])
     given = [("axis", n, folder.axes) for n in truth.axes]
     for kind, name, known in [*given, *(("passive joint", n, folder.passive) for n in truth.passive)]:
-        if name not in known:
-            raise MachineError(f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}")
+        require(name, known, f"{folder.name}: virtual.yaml: no {kind}", MachineError)
     axes: dict[str, AxisTruth] = {}
     rotary, _ = axes_of(cad)
     travels = np.zeros((model.nv, 2))
@@ -52,8 +51,7 @@ def true_model(truth: Truth, folder: Folder, model: pin.Model) -> tuple[pin.Mode
     bodies = perturbed(model, truth.inertial_error, np.random.default_rng([truth.seed, 1]))
     names = list(model.names)[1:]
     for load in truth.payload:
-        if load.joint not in names:
-            raise MachineError(f"payload: no joint {load.joint!r}; {nearest(load.joint, names)}")
+        require(load.joint, names, "payload: no joint", MachineError)
         bodies[names.index(load.joint)] += pin.Inertia(load.mass, np.array(load.centre), np.zeros((3, 3)))
     specs = {folder.axes[name]: axis for name, axis in truth.axes.items()}
     tilts = {joint: axis.tilt for joint, axis in specs.items()}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
@@ -110,15 +110,13 @@ def folder_of(machine: str | Path) -> Path:
 def _trajectory(
     machine: VirtualMachine, kind: str, seconds: float, seed: int, axis: str | None
 ) -> trajectories.Trajectory:
-    if kind not in TRAJECTORIES:
-        raise InputError(f"trajectory: no kind {kind!r}; {nearest(kind, TRAJECTORIES)}")
+    require(kind, TRAJECTORIES, "trajectory: no kind", InputError)
     if kind == "random":
         return trajectories.random_trajectory(machine, seconds, seed)
     if kind == "multisine":
         return trajectories.multisine(machine, seconds, seed)
     if axis is None:
         raise InputError(f"--trajectory {kind}: say which axis, e.g. --axis {machine.axes[0]}")
-    if axis not in machine.axes:
-        raise InputError(f"--axis: no axis {axis!r}; {nearest(axis, machine.axes)}")
+    require(axis, machine.axes, "--axis: no axis", InputError)
     made: trajectories.Trajectory = getattr(trajectories, kind)(machine, axis)
     return made

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.virtual.rigid import Tree
 
 
@@ -29,8 +29,7 @@ def load_model(urdf: Path, joints: Sequence[str]) -> pin.Model:
         raise MachineError(f"{urdf}: not a URDF that Pinocchio can read: {error}") from None
     known = list(model.names)[1:]
     for name in joints:
-        if name not in known:
-            raise MachineError(f"{urdf}: no joint {name!r}; {nearest(name, known)}")
+        require(name, known, f"{urdf}: no joint", MachineError)
     locked = [model.getJointId(name) for name in known if name not in joints]
     return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
