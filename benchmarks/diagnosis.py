@@ -19,7 +19,7 @@ import pinocchio as pin
 
 import pinotwin as pt
 from pinotwin.diagnosis import diagnose
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -77,7 +77,7 @@ def _moved(
 
 def five() -> tuple[Any, list[Any], list[Any] | None]:
     """Return a machine whose model lacks a flexible frame, and two repeats."""
-    virtual = VirtualMachine.load(bundled_path("laser_driller"), withhold=["joint_flexibility"])
+    virtual = VirtualMachine.load(machines()["laser_driller"], withhold=["joint_flexibility"])
     path = random_trajectory(virtual, 24.0, 3)
     return pt.Machine.load("laser_driller"), [virtual.record(path, seed=s).to_log() for s in (1, 2)], None
 

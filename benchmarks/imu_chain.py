@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks._imu_methods import baselines
 from pinotwin.imu.filters import group_delay
 from pinotwin.machine import Machine
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.reconstruction import Vibration, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
@@ -41,7 +41,7 @@ def compare(runs: int, seconds: float) -> dict[str, tuple[np.ndarray, np.ndarray
     They are of IMU against IMU, of the mean against the truth, of one run against the truth.
     """
     out = {}
-    machine, vm = Machine.load("flexure_rig"), VirtualMachine.load(bundled_path("flexure_rig"))
+    machine, vm = Machine.load("flexure_rig"), VirtualMachine.load(machines()["flexure_rig"])
     command = random_trajectory(vm, seconds, 3)
     recorded = [vm.record(command, seed=seed, truth_rate=4000.0) for seed in range(runs)]
     imus = [

@@ -8,7 +8,7 @@ and exits with 2; any other exception is a bug and keeps its traceback.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 LONGEST = 480
 """Letters of a message: names and values that it repeats may come from a file of any kind."""
@@ -70,3 +70,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
         few = near[: max(6, len(holding))] or words[:6]
         return f"{hint}{'nearest' if near else 'some'} of {len(words)}: {', '.join(few)}"
     return f"{hint}known: {', '.join(words) if words else 'none'}"
+
+
+def require(name: str, known: Collection[str], said: str, error: type[PinotwinError]) -> None:
+    """Refuse a name that is not known, with what is said before it and a hint behind it."""
+    if name not in known:
+        raise error(f"{said} {name!r}; {nearest(name, known)}")

@@ -18,9 +18,9 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import LoopShape, Machine
 from pinotwin.machine.parts import MachineFile
-from pinotwin.machine.reading import read
 from pinotwin.machine.sections import loops
 from pinotwin.simulation import compare
+from pinotwin.system.reading import read
 from tests.simulated import plain_machine, smooth_command
 
 MOTOR, LOAD = 30.0, 65.0

@@ -24,7 +24,7 @@ from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
@@ -241,7 +241,7 @@ def test_a_coefficient_that_would_fall_below_its_bound_stays_there() -> None:
 
 def with_effect(name: str) -> tuple[Twin, Log, Log]:
     """Return the twin of an EMPS that lists one effect more, its log of 5 s, and one that goes farther."""
-    virtual = VirtualMachine.load(bundled_path("emps"))
+    virtual = VirtualMachine.load(machines()["emps"])
     machine = Machine.load("emps")
     axis = machine.axes["X"]
     more = EFFECTS[name].on(machine, "X")
@@ -275,7 +275,7 @@ def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> N
 @pytest.fixture(scope="module")
 def emps() -> Comparison:
     """A log of the virtual EMPS without its command, beside its twin of another; rows at rest count."""
-    virtual = VirtualMachine.load(bundled_path("emps"))
+    virtual = VirtualMachine.load(machines()["emps"])
     logs = [virtual.record(random_trajectory(virtual, 8.0, s), seed=s).to_log() for s in (3, 4)]
     logs = [log.with_channels({k: x for k, x in log.channels.items() if k != "X.qr"}) for log in logs]
     machine = Machine.load("emps")

@@ -36,14 +36,14 @@ from pinotwin.effects import EFFECTS, Effect, InertialCoupling, Offset, Preslidi
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.test_effects_battery import tree
 
 
 def record(path: int, *inject: str) -> Log:
-    virtual = VirtualMachine.load(bundled_path("emps"), inject=inject)
+    virtual = VirtualMachine.load(machines()["emps"], inject=inject)
     return virtual.record(random_trajectory(virtual, 8.0, path), seed=path).to_log()
 
 

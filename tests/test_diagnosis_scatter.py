@@ -17,7 +17,7 @@ from pinotwin.effects import EFFECTS
 from pinotwin.effects.sight import Sight
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.test_diagnosis_evidence import lacking, motion
@@ -93,7 +93,7 @@ def test_what_moves_before_the_first_command_as_a_log_begins_is_not_asked_about(
 
 def test_an_axis_whose_effort_is_measured_too_small_is_judged_where_its_twin_expects_more() -> None:
     """LWR4: a quarter of an axis' effort varies less than its twin's misfit; it was left out as one that rests."""
-    virtual = VirtualMachine.load(bundled_path("trunnion"))
+    virtual = VirtualMachine.load(machines()["trunnion"])
     log = virtual.record(random_trajectory(virtual, 6.0, 1), seed=1).to_log()
     twin = identify(Machine.load("trunnion"), log, loop=False)
     weak = replace(log, channels={**log.channels, "A.u": 0.2 * log["A.u"]})

@@ -13,8 +13,8 @@ import pinotwin as pt
 from pinotwin.errors import MachineError
 from pinotwin.log import Log
 from pinotwin.machine.parts import MachineFile
-from pinotwin.machine.reading import read
 from pinotwin.machine.sections import loops
+from pinotwin.system.reading import read
 from tests.random_drives import Drive, machine, run
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinotwin.errors import InputError
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE, OUTSIDE
 from pinotwin.virtual.tree import inertia_at
@@ -191,7 +191,7 @@ def test_an_elastic_drive_adds_no_inertia_and_leaves_the_feed_forward_alone(plai
 def test_a_worn_axis_does_not_run_its_integrator_into_its_limit():
     """At constant speed an integral part leaves no tracking error, however much friction there is."""
     rough = VirtualMachine.load(
-        bundled_path("trunnion"), withhold=["ripple:Y", "position_table:Y"], inject=["viscous:Y=0.5"]
+        machines()["trunnion"], withhold=["ripple:Y", "position_table:Y"], inject=["viscous:Y=0.5"]
     )
     log = rough.record(random_trajectory(rough, 20.0, 1), seed=9, noise=False).to_log()
     command = np.gradient(log["Y.qr"], log.t)

@@ -13,7 +13,7 @@ import numpy as np
 
 import pinotwin as pt
 from benchmarks.evidence.store import Figure
-from pinotwin.machine.bundled import bundled_path
+from pinotwin.machine.bundled import machines
 from pinotwin.simulation import compare
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.folder import read_folder
@@ -63,7 +63,7 @@ def measure(
 
 
 def _virtual(name: str, law: str) -> VirtualMachine:
-    folder = read_folder(bundled_path(name))
+    folder = read_folder(machines()[name])
     axes = {k: replace(a, friction=replace(a.friction, kind=law)) for k, a in folder.truth.axes.items()}
     return VirtualMachine.build(replace(folder, truth=replace(folder.truth, axes=axes)))
 

@@ -94,7 +94,7 @@ def _with(machine: Machine, found: Found) -> Machine:
 
 def _kind(found: Found, machine: Machine) -> type[Effect] | None:
     """Return the class of the effect that a finding names; None for what is no effect."""
-    return known(machine).get(found.effect) if found.listed is None else type(found.listed)
+    return known(machine.effects).get(found.effect) if found.listed is None else type(found.listed)
 
 
 def _alike(listed: Effect, found: Found) -> bool:

@@ -13,14 +13,13 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.checks import as_log
-from pinotwin.errors import DataError, MachineError, nearest
+from pinotwin.errors import DataError, MachineError, require
 
 
 def frame_id(model: pin.Model, frame: str) -> int:
     """Return Pinocchio's index of a frame (a link, a joint or an operational frame); unknown ones are refused."""
     names = [f.name for f in model.frames]
-    if frame not in names:
-        raise MachineError(f"machine {model.name!r}: no frame {frame!r}; {nearest(frame, names)}")
+    require(frame, names, f"machine {model.name!r}: no frame", MachineError)
     return names.index(frame)
 
 

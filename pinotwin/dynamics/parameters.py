@@ -72,22 +72,27 @@ def _inertia(body: Floats, name: str) -> pin.Inertia:
     return pin.Inertia(0.0, np.zeros(3), tensor)
 
 
-def velocity_names(model: pin.Model) -> tuple[str, ...]:
-    """Return a name for every velocity: the joint's, numbered if the joint has several."""
-    joints = list(zip(model.joints, model.names, strict=True))[1:]
-    return tuple(f"{n}{k}" if j.nv > 1 else n for j, n in joints for k in range(j.nv))
-
-
 def parameter_names(model: pin.Model) -> tuple[str, ...]:
-    """Return the names of ``pi``: ``m_Z``, ``mx_B``, ``Ixx_C``, ``Ja_Z``..."""
-    bodies = [f"{part}_{joint}" for joint in list(model.names)[1:] for part in BODY_NAMES]
-    return (*bodies, *(f"Ja_{name}" for name in velocity_names(model)))
+    """Return the names of ``pi``: ``m_Z``, ``mx_B``, ``Ixx_C``, ``Ja_Z``...; rotors of one joint are numbered."""
+    joints = list(zip(model.joints, model.names, strict=True))[1:]
+    bodies = [f"{part}_{name}" for _, name in joints for part in BODY_NAMES]
+    return (*bodies, *(f"Ja_{n}{k}" if j.nv > 1 else f"Ja_{n}" for j, n in joints for k in range(j.nv)))
 
 
 def parameter_units(model: pin.Model) -> tuple[str, ...]:
     """Return the units of ``pi``; a rotor inertia is in kg on a slide, in kg·m² on a rotation."""
     rotor = ["kg·m²" if turns else "kg" for turns in rotary(model)]
     return (*BODY_UNITS * body_count(model), *rotor)
+
+
+def joint_axis(model: pin.Model, joint: int) -> tuple[bool, Floats]:
+    """Return whether a joint of one degree of freedom turns, and its unit axis in its own frame, shape (3,)."""
+    kind = model.joints[joint]
+    data = kind.createData()
+    kind.calc(data, np.zeros(kind.nq), np.zeros(kind.nv))
+    S = np.asarray(data.S).reshape(6)
+    turns = bool(np.any(S[3:]))
+    return turns, S[3:] if turns else S[:3]
 
 
 def rotary(model: pin.Model) -> tuple[bool, ...]:

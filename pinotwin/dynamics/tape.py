@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.parameters import parameter_count
+from pinotwin.dynamics.parameters import joint_axis, parameter_count
 from pinotwin.dynamics.symbols import Expression, Trace
 from pinotwin.errors import MachineError
 
@@ -81,11 +81,10 @@ class _Bodies:
         self.armature = pi[10 * nv :]
         self.gravity = _clean(np.array(model.gravity.linear))
         self.v = [trace.input(3 * nv + i) for i in range(nv)]
-        data = model.createData()
         self.revolute, self.axis, self.R, self.p, self.body = [], [], [], [], []
         for i in range(nv):
             c, s, q = (trace.input(k * nv + i) for k in range(3))
-            turns, axis = _axis(model, data, i + 1)
+            turns, axis = _axis(model, i + 1)
             R0, p0 = model.jointPlacements[i + 1].rotation, model.jointPlacements[i + 1].translation
             along = R0 @ np.outer(axis, axis)  # Rodrigues: R0 (a a^T + cos q (1 - a a^T) + sin q skew(a))
             turned = _clean(along) + c * _clean(R0 - along) + s * _clean(R0 @ pin.skew(axis))
@@ -158,19 +157,15 @@ class _Bodies:
         return forces
 
 
-def _axis(model: pin.Model, data: pin.Data, joint: int) -> tuple[bool, Floats]:
+def _axis(model: pin.Model, joint: int) -> tuple[bool, Floats]:
     """Return whether a joint turns, and the unit vector that it turns about or slides along."""
     kind = model.joints[joint]
-    J = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
-    column = J.reshape(6, model.nv)[:, kind.idx_v]  # Pinocchio drops the last axis if nv is 1
-    slides, turns = np.linalg.norm(column[:3]), np.linalg.norm(column[3:])
-    single = kind.nq == kind.nv == 1 and kind.shortname().startswith(("JointModelR", "JointModelP"))
-    if not single or abs(slides + turns - 1.0) > 1e-14 or min(slides, turns) > 0.0:
+    if not (kind.nq == kind.nv == 1 and kind.shortname().startswith(("JointModelR", "JointModelP"))):
         raise MachineError(
             f"machine {model.name!r}: joint {model.names[joint]!r} is neither revolute nor prismatic; only "
             "those can be simulated"
         )
-    return bool(turns > 0.0), column[3:] if turns > 0.0 else column[:3]
+    return joint_axis(model, joint)
 
 
 def _inertia(body: Floats):  # type: ignore[no-untyped-def]

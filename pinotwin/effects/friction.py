@@ -9,13 +9,13 @@ Each term is an effect of its own, so that it can be listed, left out, withheld 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.direction import default_width, direction
-from pinotwin.effects.effect import AxisEffect, Coefficient, Columns, Effect, OneAxis, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Columns, Effect, OneAxis, Shape
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
@@ -26,13 +26,22 @@ FADES = np.geomspace(0.006, 0.3, 6)
 
 
 @dataclass(frozen=True)
-class Turning(OneAxis):
+class Friction(OneAxis):
+    """What takes power out of the motion of one axis."""
+
+    family = FRICTION
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+
+
+@dataclass(frozen=True)
+class Turning(Friction):
     """Friction that turns round with the motion over a width of speeds.
 
     Attributes:
         width: velocity over which the direction turns [m/s or rad/s]; 0 is the plain sign.
     """
 
+    sharp = True
     width: float | None = field(default=None, kw_only=True)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -51,11 +60,10 @@ class Turning(OneAxis):
 
 
 @dataclass(frozen=True)
-class Viscous(AxisEffect):
+class Viscous(Friction, AxisEffect):
     """Friction in proportion to speed: tau = b v."""
 
     name = "viscous"
-    family = FRICTION
     title = "Viscous friction"
     words = "friction that grows with speed"
     remedy = "check the lubricant and its temperature; a bearing or seal that was changed or over-greased"
@@ -70,11 +78,10 @@ class Viscous(AxisEffect):
 
 
 @dataclass(frozen=True)
-class ViscousAsymmetric(AxisEffect):
+class ViscousAsymmetric(Friction, AxisEffect):
     """Viscous friction with its own coefficient per direction: tau = b+ max(v, 0) + b- min(v, 0)."""
 
     name = "viscous_asymmetric"
-    family = FRICTION
     title = "Viscous friction by direction"
     words = "friction that grows with speed, more in one direction than in the other"
     remedy = "check seals, wipers and brushes that lean one way, and a cable that is pulled one way and pushed back"
@@ -83,7 +90,6 @@ class ViscousAsymmetric(AxisEffect):
     contains = ("viscous",)
     imitates = ("coulomb_asymmetric", "offset", "quadratic_drag")
     sharp = True
-    causes = ("friction",)
     depends = "velocity"
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
@@ -95,15 +101,12 @@ class Coulomb(Turning, AxisEffect):
     """Dry friction: tau = c d(v)."""
 
     name = "coulomb"
-    family = FRICTION
     title = "Dry friction"
     words = "dry friction: the same force at any speed, against the motion"
     remedy = "check preload of bearings, guides and gears, wipers, a brake that drags"
     colour = "#e15759"
     linear = (Coefficient("c", "F", lower=0.0),)
     imitates = ("presliding", "stribeck", "load_friction", "hysteresis")
-    sharp = True
-    causes = ("friction",)
     depends = "direction"
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
@@ -118,7 +121,6 @@ class CoulombAsymmetric(Turning, AxisEffect):
     """
 
     name = "coulomb_asymmetric"
-    family = FRICTION
     title = "Dry friction by direction"
     words = "dry friction that is larger in one direction than in the other"
     remedy = "hold several postures with the brake off and read the effort: weight or counterbalance pulls at rest too"
@@ -127,8 +129,6 @@ class CoulombAsymmetric(Turning, AxisEffect):
     contains = ("coulomb", "offset")
     inseparable = ("offset",)
     imitates = ("viscous_asymmetric", "rigid_body")
-    sharp = True
-    causes = ("friction",)
     depends = "direction"
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
@@ -146,7 +146,6 @@ class Stribeck(Turning, AxisEffect):
     """
 
     name = "stribeck"
-    family = FRICTION
     title = "Low-speed friction (Stribeck)"
     words = "extra friction at very low speed, as where a lubricating film has not yet formed"
     remedy = "check the lubricant: amount, kind, age; run the axis in over its whole travel"
@@ -156,8 +155,6 @@ class Stribeck(Turning, AxisEffect):
     fades = True
     held = True  # slow rows are few: without them s would run away
     imitates = ("coulomb", "presliding", "viscous", "load_friction", "backlash")
-    sharp = True
-    causes = ("friction",)
     depends = "direction"
     v_s: float = 0.01
     exponent: float = 1.0
@@ -191,17 +188,15 @@ class Stribeck(Turning, AxisEffect):
 
 
 @dataclass(frozen=True)
-class QuadraticDrag(AxisEffect):
+class QuadraticDrag(Friction, AxisEffect):
     """Drag that grows with the square of speed (fans, churning oil): tau = b2 v |v|."""
 
     name = "quadratic_drag"
-    family = FRICTION
     words = "resistance that grows with the square of speed: air, fan, splashing oil"
     remedy = "check oil level, covers and fans on the moving part"
     colour = "#ff7f8a"
     linear = (Coefficient("b2", "F·s²/x²", lower=0.0),)
     imitates = ("viscous", "viscous_thermal", "viscous_asymmetric")
-    causes = ("friction",)
     depends = "velocity"
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
@@ -220,7 +215,6 @@ class LoadFriction(Turning):
     """
 
     name = "load_friction"
-    family = FRICTION
     title = "Friction of the load"
     words = "friction that grows with the load on bearing or gear"
     remedy = "check gear and bearings under load; move the same path with and without a known payload"
@@ -228,9 +222,7 @@ class LoadFriction(Turning):
     linear = (Coefficient("mu", "-", lower=0.0),)
     imitates = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
     needs = ("model", "rigid", "mass")
-    sharp = True
     searched = 1
-    causes = ("friction",)
     total: int = 0
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -251,7 +243,7 @@ class LoadFriction(Turning):
 
 
 @dataclass(frozen=True)
-class ViscousThermal(AxisEffect):
+class ViscousThermal(Friction, AxisEffect):
     """Viscous friction that changes as the machine warms up: tau = b_warm v [1 - exp(-t / warming)].
 
     Beside ``viscous``, which is the cold value; t counts from the start of the log.
@@ -261,7 +253,6 @@ class ViscousThermal(AxisEffect):
     """
 
     name = "viscous_thermal"
-    family = FRICTION
     title = "Warming"
     words = "friction that falls or rises as the machine warms up"
     remedy = "warm the machine up before recording, or record the same motion cold and warm"
@@ -269,7 +260,6 @@ class ViscousThermal(AxisEffect):
     linear = (Coefficient("b_warm", "F·s/x"),)
     imitates = ("viscous", "quadratic_drag")
     searched = 1
-    causes = ("friction",)
     warming: float = 15.0
 
     def shapes(self) -> tuple[Shape, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
-from pinotwin.effects.family import FRICTION
+from pinotwin.effects.friction import Friction
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.system.kernels import compiled
@@ -65,7 +65,7 @@ def _slope(z: float, h: float, n: float) -> float:
 
 
 @dataclass(frozen=True)
-class Hysteresis(AxisEffect):
+class Hysteresis(Friction, AxisEffect):
     """Drag of cables and seals that builds up over a distance: tau = k z.
 
         dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h
@@ -78,7 +78,6 @@ class Hysteresis(AxisEffect):
     """
 
     name = "hysteresis"
-    family = FRICTION
     words = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
     remedy = "follow the cable carrier by hand: stiff cables, rubbing hoses, rolling seals; record short, long strokes"
     colour = "#8c6d31"
@@ -89,7 +88,6 @@ class Hysteresis(AxisEffect):
     # trade it for dry friction, which the effort of the open loop tells apart.
     refined_in_loop = False
     sharp = True
-    causes = ("friction",)
     x_h: float = usual(0.005, 0.05)
     n: float = 1.0
 

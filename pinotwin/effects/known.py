@@ -13,19 +13,19 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ParamSpec, Protocol, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from pinotwin.effects import coupling, friction, load, position, ripple, sensing, servo, transmission
 from pinotwin.effects.effect import Effect, OneAxis
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.effects.presliding import Presliding
 from pinotwin.effects.rigid_body import RigidBody
-from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.errors import InputError, MachineError, require
 
 EFFECTS: dict[str, type[Effect]] = {
     effect.name: effect
@@ -77,22 +77,14 @@ T = TypeVar("T")
 _GIVEN: ContextVar[tuple[type[Effect], ...]] = ContextVar("given effects", default=())
 
 
-class HasEffects(Protocol):
-    """A machine or a twin, for this module."""
-
-    @property
-    def effects(self) -> Sequence[Effect]:
-        """What it holds."""
-
-
 def effect_name(key: str) -> str:
     """Return the plain name of an effect from its key, ``Y.ripple#2`` -> ``ripple``."""
     return key.rsplit(".", 1)[-1].split("#")[0]
 
 
-def known(holder: HasEffects | None = None) -> Mapping[str, type[Effect]]:
-    """Return every effect by name: built-in, installed, given, and what a machine or twin holds."""
-    own = (*_installed(), *_GIVEN.get(), *(type(e) for e in (() if holder is None else holder.effects)))
+def known(effects: Iterable[Effect] = ()) -> Mapping[str, type[Effect]]:
+    """Return every effect by name: built-in, installed, given, and those of a machine or twin."""
+    own = (*_installed(), *_GIVEN.get(), *(type(e) for e in effects))
     return {**{kind.name: kind for kind in own}, **EFFECTS}
 
 
@@ -133,8 +125,7 @@ def kind_of(effect: EffectLike) -> type[Effect]:
         if ":" in effect:
             return resolve(effect)
         names = known()
-        if effect not in names:
-            raise InputError(f"unknown effect {effect!r}; {nearest(effect, names)}")
+        require(effect, names, "unknown effect", InputError)
         return names[effect]
     raise InputError(f"expected an Effect, its class or module:Class, not {type(effect).__name__}")
 

@@ -29,7 +29,5 @@ def effect_slices(effects: Sequence[Effect]) -> tuple[slice, ...]:
 
 def rigid_body_of(effects: Sequence[Effect]) -> tuple[RigidBody, slice]:
     """Return the rigid bodies among some effects, and where their base parameters lie in the vector."""
-    for effect, where in zip(effects, effect_slices(effects), strict=True):
-        if isinstance(effect, RigidBody):
-            return effect, where
-    raise ValueError("no rigid body among these effects")
+    pairs = zip(effects, effect_slices(effects), strict=True)
+    return next((effect, where) for effect, where in pairs if isinstance(effect, RigidBody))

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import inverse, regressor
-from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
+from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS, joint_axis
 from pinotwin.effects.effect import AxisEffect, Coefficient, Columns, Effect, OneAxis
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.sight import Sight
@@ -150,7 +150,7 @@ class GeometricError(OfTree):
 
 def _tilted(model: pin.Model, joint: int) -> Sequence[pin.Model]:
     """Return the model with one joint turned by TILT about each of two directions across its axis."""
-    out, axis = [], _direction(model, joint)
+    out, (_, axis) = [], joint_axis(model, joint)
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     for side in (first, np.cross(axis, first)):
@@ -159,12 +159,3 @@ def _tilted(model: pin.Model, joint: int) -> Sequence[pin.Model]:
         copy.jointPlacements[joint] = model.jointPlacements[joint] * turn
         out.append(copy)
     return out
-
-
-def _direction(model: pin.Model, joint: int) -> Floats:
-    """Return the direction of a joint in its own frame, a unit vector."""
-    data = model.joints[joint].createData()
-    model.joints[joint].calc(data, np.zeros(model.joints[joint].nq), np.zeros(model.joints[joint].nv))
-    S = np.asarray(data.S).reshape(6)
-    axis = S[:3] if np.linalg.norm(S[:3]) > 0.5 else S[3:]
-    return np.asarray(axis / np.linalg.norm(axis))

@@ -28,7 +28,7 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
-from pinotwin.effects.family import FRICTION
+from pinotwin.effects.friction import Friction
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
@@ -100,7 +100,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 
 @dataclass(frozen=True)
-class Presliding(AxisEffect):
+class Presliding(Friction, AxisEffect):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
@@ -114,7 +114,6 @@ class Presliding(AxisEffect):
     """
 
     name = "presliding"
-    family = FRICTION
     words = "the contact gives a little, like a spring, before it slides: seen at reversals"
     remedy = "record slow reversals of growing stroke, from a micrometre or millidegree upwards"
     colour = "#c7568f"
@@ -122,7 +121,6 @@ class Presliding(AxisEffect):
     imitates = ("hysteresis", "backlash", "stribeck", "coulomb", "encoder_error")
     searched = 1
     sharp = True
-    causes = ("friction",)
     depends = "displacement"
     uses_standstill = True
     x_s: float = usual(1e-5, 5e-5)

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 
 TURN = 2.0 * np.pi
 """A whole turn [rad]."""
@@ -45,8 +45,7 @@ class Tree:
 
     def index(self, axis: str) -> int:
         """Return the velocity of an axis, or MachineError with the axes that there are."""
-        if axis not in self.names:
-            raise MachineError(f"{self.model.name}: no axis {axis!r}; {nearest(axis, self.names)}")
+        require(axis, self.names, f"{self.model.name}: no axis", MachineError)
         return self.names.index(axis)
 
     def joint(self, axis: str) -> int:

@@ -29,30 +29,26 @@ class Course:
 
     rows: Ints  # their numbers, shape (n,)
     use: Mask  # which of them each axis may use, shape (n, nv)
-    q: Floats  # of every axis, shape (n, nv); v and a likewise
-    v: Floats
-    a: Floats
+    moved: Floats  # q, v and a of every axis, shape (3, n, nv)
     reach: int  # samples in which a lag is looked for
     settings: Settings  # what is decided by
 
     def exchanged(self, i: int, j: int) -> Course:
         """Return the same with the positions of two axes exchanged."""
-        order = np.arange(self.q.shape[1])
+        order = np.arange(self.use.shape[1])
         order[[i, j]] = j, i
-        q, v, a = (x[:, order] for x in (self.q, self.v, self.a))
-        return replace(self, use=self.use[:, order], q=q, v=v, a=a)
+        return replace(self, use=self.use[:, order], moved=self.moved[..., order])
 
     def turned(self, i: int) -> Course:
         """Return the same with the position of an axis reversed."""
-        sign = np.ones(self.q.shape[1])
+        sign = np.ones(self.use.shape[1])
         sign[i] = -1.0
-        return replace(self, q=sign * self.q, v=sign * self.v, a=sign * self.a)
+        return replace(self, moved=sign * self.moved)
 
     def thinned(self, most: int) -> Course:
         """Return the same with about so many of its rows."""
         few = slice(None, None, max(1, len(self.rows) // most))
-        q, v, a = (x[few] for x in (self.q, self.v, self.a))
-        return replace(self, rows=self.rows[few], use=self.use[few], q=q, v=v, a=a)
+        return replace(self, rows=self.rows[few], use=self.use[few], moved=self.moved[:, few])
 
 
 @dataclass(frozen=True)
@@ -111,13 +107,13 @@ def course(motion: Motion, settings: Settings, most: int = 4000) -> Course | Non
     inside = inside[:: max(1, len(inside) // most)]
     if len(inside) < 20 * BLOCKS:
         return None
-    moved = motion.q[inside], motion.v[inside], motion.a[inside]
-    return Course(inside, motion.use[inside], *moved, reach, settings)
+    moved = np.stack([motion.q[inside], motion.v[inside], motion.a[inside]])
+    return Course(inside, motion.use[inside], moved, reach, settings)
 
 
 def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
     """Yield the axes that move both ways and whose effort changes; ``u`` of a whole motion, shape (n, nv)."""
-    whole = machine.base.regressor(machine.model, at.q, at.v, at.a)
+    whole = machine.base.regressor(machine.model, *at.moved)
     beta = machine.base.from_standard(parameters(machine.model))
     for name, axis in machine.axes.items():
         j = axis.index
@@ -125,7 +121,7 @@ def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
         rows, effort = at.rows[usable], u[:, j]
         if len(rows) < 20 * BLOCKS or not np.isfinite(effort).all() or not np.ptp(effort[rows]) > 0:
             continue
-        w, q, v, a = whole[usable, j], at.q[usable, j], at.v[usable, j], at.a[usable, j]
+        w, (q, v, a) = whole[usable, j], at.moved[:, usable, j]
         if min(np.mean(v > 0), np.mean(v < 0)) < 0.02:
             continue  # one direction only: friction is a constant there
         own = [a, np.sin(q), np.cos(q)] if axis.rotary else [a]

@@ -22,11 +22,6 @@ def machines() -> dict[str, Path]:
     return {p.parent.name: p.parent for p in sorted(folder.glob("*/machine.yaml"))}
 
 
-def bundled_path(name: str) -> Path:
-    """Return the folder of a bundled machine."""
-    return machines()[name]
-
-
 @cache
 def robots() -> dict[str, Path]:
     """Return the robots of example-robot-data: name -> URDF; none when it is not installed.

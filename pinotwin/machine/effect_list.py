@@ -11,7 +11,7 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import kind_of, known, path_of
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.parts import EffectList
-from pinotwin.machine.reading import Count, Number, Positive, read, read_keys, schema
+from pinotwin.system.reading import Count, Number, Positive, read, read_keys, schema
 
 _One = Annotated[int, Meta(ge=1)]
 _Harmonics = Annotated[_One | list[_One], Meta(description="a whole number from 1, or a list of them")]

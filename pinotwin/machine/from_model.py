@@ -20,6 +20,7 @@ import pinocchio as pin
 from lxml import etree
 
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.effect_list import make_effects
@@ -153,15 +154,11 @@ def urdf_of_model(model: pin.Model, name: str) -> bytes:
         element = etree.SubElement(root, "link", name=link)
         if joint and np.any(model.inertias[joint].toDynamicParameters()):
             element.append(inertial_element(model.inertias[joint]))
-    data, neutral = model.createData(), pin.neutral(model)
     for joint in range(1, model.njoints):
-        J = pin.computeJointJacobian(model, data, neutral, joint).reshape(6, model.nv)
-        column = J[:, model.idx_vs[joint]]
-        axis = column[3:] if np.any(column[3:]) else column[:3]
         element = _joint(root, str(model.names[joint]), _kind(model, joint), model.jointPlacements[joint])
         etree.SubElement(element, "parent", link=links[model.parents[joint]])
         etree.SubElement(element, "child", link=links[joint])
-        etree.SubElement(element, "axis", xyz=_text(axis))
+        etree.SubElement(element, "axis", xyz=_text(joint_axis(model, joint)[1]))
         etree.SubElement(element, "limit", _limits(model, joint))
         at = model.idx_vs[joint]
         lost = {"damping": model.damping[at], "friction": model.upperDryFrictionLimit[at]}

@@ -12,14 +12,14 @@ import pinocchio as pin
 
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine import sections
-from pinotwin.machine.bundled import bundled_path, machines, robots
+from pinotwin.machine.bundled import machines, robots
 from pinotwin.machine.effect_list import effect_schema, effect_spec, make_effects
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, MachineFile, Passive
-from pinotwin.machine.reading import kinds_of, read, schema
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import read_yaml
+from pinotwin.system.reading import kinds_of, read, schema
 from pinotwin.system.writing import as_path
 
 DEFAULT_EFFECTS = ("viscous", "coulomb")
@@ -37,7 +37,7 @@ def load_machine(path: str | Path) -> Machine:
     if given.suffix == ".urdf":
         return _of_urdf(given)
     if not given.exists() and str(path) in machines():
-        given = bundled_path(str(path))
+        given = machines()[str(path)]
     if not given.exists() and str(path) in robots():
         return _of_urdf(robots()[str(path)])
     file = given / "machine.yaml" if given.is_dir() else given

@@ -17,7 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.columns import Column
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
-from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.errors import InputError, MachineError, require
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
@@ -167,10 +167,8 @@ class Machine(Card):
         Raises:
             MachineError: there is none of that name.
         """
-        try:
-            return self.axes[name]
-        except KeyError:
-            raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.axes)}") from None
+        require(name, self.axes, f"{self.name}: no axis", MachineError)
+        return self.axes[name]
 
     def require_physical(self) -> Machine:
         """Return the machine itself, if every body that moves could exist.
@@ -221,8 +219,7 @@ class Machine(Card):
         """Return the configuration with the named axes at ``values`` [m or rad], others at zero."""
         q = np.clip(np.zeros(self.nv), self.model.lowerPositionLimit, self.model.upperPositionLimit)
         for name, value in (values or {}).items():
-            if name not in self.names:
-                raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.names)}")
+            require(name, self.names, f"{self.name}: no axis", MachineError)
             q[self.names.index(name)] = value
         return q
 

@@ -1,6 +1,6 @@
 """What a machine is made of: axes, passive joints, sensors, loop orders and how its logs are prepared.
 
-The types are those of machine.yaml, too: see :mod:`pinotwin.machine.reading`.
+The types are those of machine.yaml, too: see :mod:`pinotwin.system.reading`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from pinotwin.effects import Effect
-from pinotwin.machine.reading import Count, NotNegative, Number, Positive, from_file
+from pinotwin.system.reading import Count, NotNegative, Number, Positive, from_file
 
 LeftOut = tuple[str, str | float, float]
 """Rows that are no measurement: (file, from, to) [s], or (file, channel, value); no file name: every log."""

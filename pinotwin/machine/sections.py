@@ -14,10 +14,10 @@ from msgspec import Meta
 
 from pinotwin.arrays import Floats
 from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, POSITIONS, Column, is_contract_name
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, nearest, require
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
-from pinotwin.machine.reading import Number, known_key, read, read_keys
 from pinotwin.machine.urdf_check import read_tree
+from pinotwin.system.reading import Number, known_key, read, read_keys
 from pinotwin.units import SI_FACTOR
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
@@ -32,8 +32,7 @@ def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
     links = [str(link.get("name")) for link in read_tree(urdf).findall("link")]
     for name, imu in stated.items():
         link = imu.get("link", "")
-        if link not in links:
-            raise MachineError(f"imus.{name}.link: no link {link!r}; {nearest(link, links)}")
+        require(link, links, f"imus.{name}.link: no link", MachineError)
     return {name: Imu(name, **imu) for name, imu in stated.items()}
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.machine.urdf_check import MOVING, moving_joints, read_tree
 
 _WIDE = "1e9"
@@ -53,8 +53,7 @@ def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     root = read_tree(path)
     known = moving_joints(root)
     for name in joints:
-        if name not in known:
-            raise MachineError(f"{path}: no moving joint {name!r}; {nearest(name, known)}")
+        require(name, known, f"{path}: no moving joint", MachineError)
     with _quiet():
         try:
             full = pin.buildModelFromXML(_without_turns(root))

@@ -12,7 +12,7 @@ import numpy as np
 from lxml import etree
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, nearest, require
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Joint types with one degree of freedom, which may be axes."""
@@ -210,8 +210,7 @@ def _end(where: str, joint: etree._Element, end: str, links: list[str]) -> str:
 
 def _check_axis(where: str, joint: etree._Element) -> None:
     kind = joint.get("type")
-    if kind not in _TYPES:
-        raise MachineError(f"{where}: unknown type {kind!r}; {nearest(str(kind), _TYPES)}")
+    require(kind, _TYPES, f"{where}: unknown type", MachineError)
     axis = joint.find("axis")
     if kind in MOVING and axis is not None and axis.get("xyz") is not None:
         direction = _triple(f"{where} axis", str(axis.get("xyz")))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from pinotwin.arrays import Floats
 from pinotwin.signals import autocorrelation
@@ -69,11 +70,8 @@ def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
         return Push(0.0, False)
     position = np.interp(np.arange(len(position)), np.flatnonzero(good), position[good])
     width = max(3, int(0.02 / step) | 1) if step > 0.0 else 5
-    smooth = np.convolve(np.pad(position, width, mode="edge"), np.ones(width) / width, "same")[width:-width]
-    v = np.gradient(smooth, step)
-    a = np.gradient(
-        np.convolve(np.pad(v, width, mode="edge"), np.ones(width) / width, "same")[width:-width], step
-    )
+    v = np.gradient(uniform_filter1d(position, width, mode="nearest"), step)
+    a = np.gradient(uniform_filter1d(v, width, mode="nearest"), step)
     slow = 0.02 * float(np.abs(v).max())
     columns = np.column_stack([a, np.tanh(v / slow) if slow > 0 else v, v, position, np.ones(len(v))])
     columns /= np.maximum(np.std(columns, axis=0), 1e-12) + (np.std(columns, axis=0) == 0)

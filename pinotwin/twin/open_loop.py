@@ -14,7 +14,7 @@ from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.effects.scene import with_model
-from pinotwin.errors import InputError, TwinError, nearest
+from pinotwin.errors import InputError, TwinError, require
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.parameters import Parameter, Parameters
@@ -85,8 +85,7 @@ class OpenLoop:
         Raises:
             TwinError: it has no such effect.
         """
-        if key not in self.keys:
-            raise TwinError(f"{self.machine.name}: no effect {key!r}; {nearest(key, self.keys)}")
+        require(key, self.keys, f"{self.machine.name}: no effect", TwinError)
         return self.theta[self.slices[self.keys.index(key)]]
 
     def parameter(self, name: str) -> Parameter:
@@ -118,13 +117,8 @@ class OpenLoop:
 
     def effort(self, motion: Motion) -> Floats:
         """Return the motor effort that this motion takes, shape (n, nv) [N or N·m]."""
-        parts = self.parts(motion)
-        total = np.zeros((len(motion), self.machine.nv))
-        for part in parts.values():
-            total += part
-        if motion.external is not None:
-            total -= motion.external
-        return total
+        total = sum(self.parts(motion).values(), np.zeros((len(motion), self.machine.nv)))
+        return total if motion.external is None else total - motion.external
 
     def effort_error(self, motion: Motion) -> Floats:
         """Return the standard error of :meth:`effort` from that of the coefficients, shape (n, nv) [N or N·m].

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.virtual.amounts import Body
 from pinotwin.virtual.axis_truth import AxisTruth
-from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
+from pinotwin.virtual.defaults import Scale, filled, resolved_axis, resolved_limits, scales
 from pinotwin.virtual.folder import Folder
 from pinotwin.virtual.parameters import Layout
 from pinotwin.virtual.tree import assembled, axes_of, links_of, perturbed
@@ -24,8 +24,7 @@ def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, di
     rng = np.random.default_rng([truth.seed, 2])
     given = [("axis", n, folder.axes) for n in truth.axes]
     for kind, name, known in [*given, *(("passive joint", n, folder.passive) for n in truth.passive)]:
-        if name not in known:
-            raise MachineError(f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}")
+        require(name, known, f"{folder.name}: virtual.yaml: no {kind}", MachineError)
     axes: dict[str, AxisTruth] = {}
     rotary, _ = axes_of(cad)
     travels = np.zeros((model.nv, 2))
@@ -33,7 +32,7 @@ def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, di
         axis = truth.axes.get(name, AxisTruth())
         limits = resolved_limits(axis.limits, model, j, bool(rotary[j]))
         off = 1.0 + rng.choice((-1.0, 1.0)) * rng.uniform(*truth.inertial_error)
-        axis = changed(axis, "drive", rotor=fallback(axis.drive.rotor, folder.rotors.get(name, 0.0) * off))
+        axis = replace(axis, drive=filled(axis.drive, rotor=folder.rotors.get(name, 0.0) * off))
         top = axis.controller.effort_limit or folder.limits.get(name)
         axes[name] = replace(changed(axis, "controller", effort_limit=top), limits=limits)
         travels[j] = limits.travel or (0.0, 0.0)
@@ -52,8 +51,7 @@ def true_model(truth: Truth, folder: Folder, model: pin.Model) -> tuple[pin.Mode
     bodies = perturbed(model, truth.inertial_error, np.random.default_rng([truth.seed, 1]))
     names = list(model.names)[1:]
     for load in truth.payload:
-        if load.joint not in names:
-            raise MachineError(f"payload: no joint {load.joint!r}; {nearest(load.joint, names)}")
+        require(load.joint, names, "payload: no joint", MachineError)
         bodies[names.index(load.joint)] += pin.Inertia(load.mass, np.array(load.centre), np.zeros((3, 3)))
     specs = {folder.axes[name]: axis for name, axis in truth.axes.items()}
     tilts = {joint: axis.tilt for joint, axis in specs.items()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,8 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction, Limits
 from pinotwin.virtual.tree import axes_of, gravity_at, inertia_at
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -74,22 +77,18 @@ def scales(
 
 def resolved_axis(axis: AxisTruth, scale: Scale) -> AxisTruth:
     """Return the truth of an axis without gaps."""
-    friction = replace(
+    friction = filled(
         axis.friction,
-        coulomb=fallback(axis.friction.coulomb, 0.06 * scale.rated),
-        viscous=fallback(axis.friction.viscous, 0.08 * scale.rated / scale.speed),
-        stribeck_speed=fallback(axis.friction.stribeck_speed, 0.015 * scale.speed),
-        presliding=fallback(axis.friction.presliding, 2e-5 if scale.rotary else 5e-6),
+        coulomb=0.06 * scale.rated,
+        viscous=0.08 * scale.rated / scale.speed,
+        stribeck_speed=0.015 * scale.speed,
+        presliding=2e-5 if scale.rotary else 5e-6,
     )
     limit = axis.controller.effort_limit or 3.0 * scale.rated + 2.0 * scale.hold
-    effort = replace(
-        axis.effort,
-        white=fallback(axis.effort.white, 0.004 * scale.rated),
-        coloured=fallback(axis.effort.coloured, 0.002 * scale.rated),
-        resolution=fallback(axis.effort.resolution, 2.0 * limit / 2**14),
-    )
-    step = fallback(axis.encoder.resolution, 5e-7 if scale.rotary else 2e-8)
-    encoder = replace(axis.encoder, resolution=step, noise=fallback(axis.encoder.noise, 0.5 * step))
+    noises = {"white": 0.004 * scale.rated, "coloured": 0.002 * scale.rated}
+    effort = filled(axis.effort, **noises, resolution=2.0 * limit / 2**14)
+    encoder = filled(axis.encoder, resolution=5e-7 if scale.rotary else 2e-8)
+    encoder = filled(encoder, noise=0.5 * (encoder.resolution or 0.0))
     controller = _controller(axis.controller, scale, friction, limit)
     drive = _drive(axis.drive, scale)
     return replace(
@@ -114,10 +113,7 @@ def _controller(given: Controller, scale: Scale, friction: Friction, limit: floa
         kv, kp, ki = w, 0.25 * w, w * w / 6.0
         forward = given.velocity_feedforward
     return replace(
-        given,
-        kp=kp if given.kp is None else given.kp,
-        kv=kv * scale.inertia if given.kv is None else given.kv,
-        ki=ki * scale.inertia if given.ki is None else given.ki,
+        filled(given, kp=kp, kv=kv * scale.inertia, ki=ki * scale.inertia),
         velocity_feedforward=forward,
         effort_limit=limit,
         integral_limit=given.integral_limit or limit + carried,
@@ -133,6 +129,6 @@ def _drive(given: Drive, scale: Scale) -> Drive:
     return replace(given, frequency=frequency, rotor=rotor)
 
 
-def fallback(value: float | None, other: float) -> float:
-    """Return the value, or the other where there is none."""
-    return other if value is None else value
+def filled(part: Part, **usual: Any) -> Part:
+    """Return a part of the truth with these values where it has none."""
+    return replace(part, **{k: x for k, x in usual.items() if getattr(part, k) is None})  # type: ignore[type-var]

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, nearest, require
 from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE, OUTSIDE, Bodies, Dose
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.truth import Truth
@@ -68,8 +68,7 @@ def inject_all(
     for request in requests:
         item = parse(request)
         name, value = str(item["effect"]), item.get("value")
-        if name not in known and name not in INJECT_MACHINE:
-            raise InputError(f"cannot inject {name!r}; {nearest(name, [*known, *INJECT_MACHINE])}")
+        require(name, [*known, *INJECT_MACHINE], "cannot inject", InputError)
         size, si = float(str(item.get("size", 0.1))), None if value is None else float(str(value))
         for axis in _axes_of(item.get("axis"), truth):
             rng = np.random.default_rng([int(str(item.get("seed", 0))), sum(map(ord, axis))])

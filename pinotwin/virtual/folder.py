@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-import sys
-import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import yaml
 
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError
+from pinotwin.system.reading import made
 from pinotwin.virtual.truth import Truth
 
 
@@ -21,7 +19,7 @@ class Folder:
     """What a virtual machine is made from."""
 
     name: str  # name of the machine
-    urdf: Path | str  # path of the URDF, or its text
+    urdf: Path  # the URDF
     axes: Mapping[str, str]  # axis name -> joint name
     passive: Mapping[str, str]  # passive name -> joint name
     truth: Truth  # the sealed truth
@@ -77,52 +75,6 @@ def _yaml(file: Path) -> Any:
 
 def read_truth(path: Path) -> Truth:
     """Return the truth in a YAML file; a key or a value that cannot be used is a :class:`MachineError`."""
-    truth: Truth = _built(Truth, _yaml(path), str(path))
+    raw = _yaml(path)
+    truth: Truth = made({} if raw is None else raw, Truth, str(path))
     return truth
-
-
-def _built(kind: Any, raw: Any, where: str) -> Any:
-    """Return plain YAML as an instance of a dataclass, tuple, mapping or number; ``where`` is for messages."""
-    origin, args = get_origin(kind), get_args(kind)
-    if origin is types.UnionType:  # of something and None
-        return None if raw is None else _built(args[0], raw, where)
-    if dataclasses.is_dataclass(kind) or origin is Mapping:
-        raw = {} if raw is None else raw
-        if not isinstance(raw, Mapping):
-            raise MachineError(f"{where}: expected keys and values, found {raw!r}")
-        if origin is Mapping:
-            return {str(k): _built(args[1], v, f"{where}[{k}]") for k, v in raw.items()}
-        return _dataclass(kind, raw, where)
-    if origin is tuple:
-        if not isinstance(raw, list):
-            raise MachineError(f"{where}: expected a list, found {raw!r}")
-        kinds = args[:1] * len(raw) if args[-1] is Ellipsis else args
-        if len(kinds) != len(raw):
-            raise MachineError(f"{where}: expected {len(kinds)} values, found {len(raw)}")
-        return tuple(_built(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, raw, strict=True)))
-    return _scalar(kind, raw, where)
-
-
-def _dataclass(kind: Any, raw: Mapping[Any, Any], where: str) -> Any:
-    hints = get_type_hints(kind)
-    for key in raw:
-        if key not in hints:
-            raise MachineError(f"{where}: unknown key {key!r}; {nearest(str(key), hints)}")
-    try:
-        return kind(**{key: _built(hints[key], value, f"{where}.{key}") for key, value in raw.items()})
-    except TypeError as error:
-        raise MachineError(f"{where}: {error}") from None
-
-
-def _scalar(kind: Any, raw: Any, where: str) -> Any:
-    if kind is float and isinstance(raw, str):  # YAML 1.1 reads 1e-6 as a word
-        try:
-            raw = float(raw)
-        except ValueError:
-            raise MachineError(f"{where}: expected a number, found {raw!r}") from None
-    accepted = kind if kind in (bool, str) else (int, float)
-    if not isinstance(raw, accepted) or (accepted == (int, float) and isinstance(raw, bool)):
-        raise MachineError(f"{where}: expected {kind.__name__}, found {raw!r}")
-    if kind is not str and not abs(raw) <= sys.float_info.max:
-        raise MachineError(f"{where}: expected a finite number, found {raw!r}")
-    return kind(raw)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
+from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -155,20 +155,14 @@ class ImuSensor:
 def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
     """Return signals (n, k) after a second-order Butterworth low-pass that starts settled.
 
-    Exact for inputs that are straight between samples: H(s) = 2 Re[r / (s - p)] with p = w exp(3 pi i/4) and
-    r = w^2 / (p - p*), so one complex mode z' = p z + x is stepped and read as 2 Re(r z).
+    Exact for inputs that are straight between samples (first-order hold).
     """
     if not np.isfinite(cutoff):
         return x
-    w = 2.0 * np.pi * cutoff
-    p = w * np.exp(0.75j * np.pi)
-    grown = np.exp(p * step)
-    late = (grown - 1.0 - p * step) / (p**2 * step)  # weight of the new sample in a step, rest of the old
-    early = (grown - 1.0) / p - late
-    drive = early * np.concatenate([x[:1], x[:-1]]) + late * x
-    drive[0] = 0.0
-    z, _ = lfilter([1.0], [1.0, -grown], drive.astype(complex), axis=0, zi=-x[:1] / p)
-    return 2.0 * (w**2 / (p - np.conj(p)) * z).real  # type: ignore[no-any-return]
+    analog = butter(2, 2.0 * np.pi * cutoff, analog=True)
+    b, a, _ = cont2discrete(analog, step, method="foh")
+    b = b.ravel()
+    return np.asarray(lfilter(b, a, x, axis=0, zi=np.outer(lfilter_zi(b, a), x[0]))[0])
 
 
 def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) -> Floats:

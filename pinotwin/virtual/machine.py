@@ -72,7 +72,7 @@ class VirtualMachine:
         """
         try:
             return cls.build(read_folder(folder), withhold=withhold, inject=inject)
-        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        except (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError) as error:
             raise MachineError(
                 f"{folder}: no machine has these values ({error}); correct machine.yaml or virtual.yaml"
             ) from None

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
-from pinotwin.machine.bundled import bundled_path, machines
+from pinotwin.machine.bundled import machines
 from pinotwin.virtual import trajectories
 from pinotwin.virtual.machine import VirtualMachine
 from pinotwin.virtual.recording import Recording
@@ -104,21 +104,19 @@ def record(  # noqa: PLR0913, the public call: every option is a keyword
 def folder_of(machine: str | Path) -> Path:
     """Return the folder of a machine, by its path or its name."""
     bundled = not Path(machine).exists() and str(machine) in machines()
-    return bundled_path(str(machine)) if bundled else Path(machine)
+    return machines()[str(machine)] if bundled else Path(machine)
 
 
 def _trajectory(
     machine: VirtualMachine, kind: str, seconds: float, seed: int, axis: str | None
 ) -> trajectories.Trajectory:
-    if kind not in TRAJECTORIES:
-        raise InputError(f"trajectory: no kind {kind!r}; {nearest(kind, TRAJECTORIES)}")
+    require(kind, TRAJECTORIES, "trajectory: no kind", InputError)
     if kind == "random":
         return trajectories.random_trajectory(machine, seconds, seed)
     if kind == "multisine":
         return trajectories.multisine(machine, seconds, seed)
     if axis is None:
         raise InputError(f"--trajectory {kind}: say which axis, e.g. --axis {machine.axes[0]}")
-    if axis not in machine.axes:
-        raise InputError(f"--axis: no axis {axis!r}; {nearest(axis, machine.axes)}")
+    require(axis, machine.axes, "--axis: no axis", InputError)
     made: trajectories.Trajectory = getattr(trajectories, kind)(machine, axis)
     return made

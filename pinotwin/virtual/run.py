@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
 from pinotwin.virtual.kernel import position_effort
@@ -53,8 +53,7 @@ def load_arrays(true: pin.Model, loads: Sequence[Pulse], t: Floats) -> tuple[Int
     body = np.zeros(len(names), dtype=np.intp)
     point, load = np.zeros((len(names), 3)), np.zeros((len(t), len(names), 6))
     for k, link in enumerate(names):
-        if link not in links:
-            raise MachineError(f"external load: no link {link!r}; {nearest(link, links)}")
+        require(link, links, "external load: no link", MachineError)
         body[k], point[k] = links[link].parentJoint - 1, links[link].placement.translation
         for pulse in loads:
             if pulse.link == link:

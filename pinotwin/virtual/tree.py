@@ -14,26 +14,22 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, require
 from pinotwin.virtual.rigid import Tree
 
 
-def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
-    """Return the model of a URDF (path or XML text) with every joint not in ``joints`` locked at zero.
+def load_model(urdf: Path, joints: Sequence[str]) -> pin.Model:
+    """Return the model of a URDF with every joint not in ``joints`` locked at zero.
 
     A file that cannot be read, or a joint that does not exist, is a :class:`MachineError`.
     """
-    text = str(urdf)
-    inline = text.lstrip().startswith("<")
-    where = "URDF text" if inline else text
     try:
-        model = pin.buildModelFromXML(text) if inline else pin.buildModelFromUrdf(text)
+        model = pin.buildModelFromUrdf(str(urdf))
     except (ValueError, RuntimeError) as error:
-        raise MachineError(f"{where}: not a URDF that Pinocchio can read: {error}") from None
+        raise MachineError(f"{urdf}: not a URDF that Pinocchio can read: {error}") from None
     known = list(model.names)[1:]
     for name in joints:
-        if name not in known:
-            raise MachineError(f"{where}: no joint {name!r}; {nearest(name, known)}")
+        require(name, known, f"{urdf}: no joint", MachineError)
     locked = [model.getJointId(name) for name in known if name not in joints]
     return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 

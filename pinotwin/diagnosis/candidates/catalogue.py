@@ -37,7 +37,7 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
     """
     machine, motion = comparison.machine, comparison.new.motion
     tree = Tree(comparison.twin.model, machine.names, machine.rotary)
-    for name, kind in known(machine).items():
+    for name, kind in known(machine.effects).items():
         if name in leave_out or name in APART or kind.family.acts == "loop":
             continue
         if name in SAME and SAME[name] not in leave_out:

@@ -153,7 +153,7 @@ def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()
             assert bar is not None
             why = _about(finding)
             if bar.effects:
-                names = known(machine) if bar.effects is EVERY else bar.effects
+                names = known(machine.effects) if bar.effects is EVERY else bar.effects
                 effects.setdefault(axis, {}).update(dict.fromkeys(names, why))
             if bar.questions:
                 questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, why))

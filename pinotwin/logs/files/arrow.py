@@ -85,11 +85,8 @@ def _floats(column: pa.ChunkedArray) -> np.ndarray:
         column = column.cast(pa.uint8())
     wide = column if pa.types.is_float64(column.type) else column.cast(pa.float64(), safe=False)
     full = pc.fill_null(wide, float("nan")) if wide.null_count else wide
-    out, at = np.empty(len(full)), 0
-    for chunk in full.chunks:  # to_numpy would import pandas, which takes longer than reading most logs
-        out[at : at + len(chunk)] = np.from_dlpack(chunk) if len(chunk) else 0.0
-        at += len(chunk)
-    return out
+    # to_numpy would import pandas, which takes longer than reading most logs
+    return np.concatenate([np.zeros(0), *(np.from_dlpack(chunk) for chunk in full.chunks if len(chunk))])
 
 
 def _take_list(name: str, column: pa.ChunkedArray, content: Content) -> None:

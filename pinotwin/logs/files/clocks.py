@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
+from pinotwin.logs.files.content import Content
 
 Arrays = Mapping[str, NDArray[np.generic]]
 CARRIED = "written on change, carried forward to the next"
@@ -82,12 +83,16 @@ def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
     return np.asarray(np.interp(t, own[known][order], x[known][order], left=np.nan, right=np.nan))
 
 
-def messages_on_one_clock(topic: str, arrays: Arrays, source: str) -> tuple[dict[str, Floats], list[str]]:
-    """Return the channels of messages of one topic on one clock ``t``, and what was done in one sentence each."""
+def take_messages(content: Content, topic: str, prefix: str, arrays: Arrays, source: str) -> None:
+    """Add the numbers of one topic's messages under a prefix; those that have a time go on one clock ``t``."""
     channels = {name: x for name, x in arrays.items() if name != "t"}
-    groups, notes = streams(topic, np.asarray(arrays["t"], dtype=float), channels)
-    t, joined, said = on_one_clock(groups, source)
-    return {"t": t, **joined}, [*notes, *said]
+    if "t" in arrays and channels:
+        groups, notes = streams(topic, np.asarray(arrays["t"], dtype=float), channels)
+        t, joined, said = on_one_clock(groups, source)
+        arrays = {"t": t, **joined}
+        content.notes += [*notes, *said]
+    for name, x in arrays.items():
+        content.add(prefix + name, x)
 
 
 def streams(name: str, t: Floats, arrays: Arrays) -> tuple[list[Group], list[str]]:

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import messages_on_one_clock
+from pinotwin.logs.files.clocks import take_messages
 from pinotwin.logs.files.content import Content, damaged
 from pinotwin.logs.files.messages import Table, numbers, seconds_since, stamp
 
@@ -84,13 +83,9 @@ def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
         table.add(numbers(row, "", text))
         at = stamp(row)
         stamps += [] if at is None else [at]
-    arrays: dict[str, Floats] = table.arrays()
+    arrays = table.arrays()
     if "t" not in arrays and len(stamps) == table.rows:
         arrays["t"] = seconds_since(stamps[0], stamps)
         content.units[f"{prefix}t"] = "s"
     content.left_out += sorted(text)
-    if "t" in arrays and table.rows:
-        arrays, notes = messages_on_one_clock(name or "t", arrays, name or "the messages")
-        content.notes += notes
-    for key, x in arrays.items():
-        content.add(prefix + key, x)
+    take_messages(content, name or "t", prefix, arrays, name or "the messages")

@@ -11,7 +11,7 @@ import codecs
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from pinotwin.errors import LogError
@@ -34,18 +34,12 @@ class Layout:
     text: bytes  # the whole file as UTF-8, without byte-order mark
     delimiter: str  # comma, semicolon, tab, bar, or a space for runs of blanks
     decimal: str  # decimal sign
-    names: tuple[str, ...]  # column names
+    header: Header  # names and units of the columns, the latter perhaps from the lines above it
     skip: int  # physical lines before the first row of numbers
     comments: bool  # whether comment lines may occur after that
-    # name -> unit from a row of units beneath the header, or from the lines above it
-    units: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what was noticed
     thousands: str = ""  # sign between groups of three digits, "" for none
-    # clock column -> columns that it stamps, where a file has several
-    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
     step: float | None = None  # sample time that the lines above state [s], for a file without a time column
-    # name -> name that the file states for this column and others
-    stated: dict[str, str] = field(default_factory=dict)
 
 
 def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
@@ -86,15 +80,12 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
         text=text,
         delimiter=delimiter,
         decimal=decimal,
-        names=tuple(names),
+        header=replace(header, names=names, units={**units, **header.units}),
         skip=skip,
         comments=any(text.find(b"\n" + mark, first) >= 0 for mark in marks),
-        units={**units, **header.units},
         notes=(*notes, *said_above),
         thousands=thousands,
-        clocks=header.clocks,
         step=step,
-        stated=header.stated,
     )
 
 

@@ -15,7 +15,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import messages_on_one_clock
+from pinotwin.logs.files.clocks import take_messages
 from pinotwin.logs.files.content import BROKEN, Content, damaged
 from pinotwin.logs.files.messages import Table, numbers, seconds_since
 
@@ -61,9 +61,5 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
             arrays["t"] = seconds_since(times[topic][0], times[topic])
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
-        if len(arrays) > 1:
-            arrays, notes = messages_on_one_clock(topic, arrays, source)
-            content.notes += notes
-        for name, x in arrays.items():
-            content.add(prefix + name, x)
+        take_messages(content, topic, prefix, arrays, source)
     return content

@@ -86,10 +86,10 @@ def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000
     if table is None:
         table = _parse_slowly(body, kinds)
     content = Content(
-        units=dict(layout.units), notes=[*layout.notes, *body.notes], stated=dict(layout.stated)
+        units=dict(layout.header.units), notes=[*layout.notes, *body.notes], stated=dict(layout.header.stated)
     )
     content.place = lambda row: f"line {body.line(row)}"
-    table = _spelled_out(table.select(list(layout.names)), kinds, content)
+    table = _spelled_out(table.select(layout.header.names), kinds, content)
     arrow.take(table, content, source, b"UNAVAILABLE" in layout.text)
     _set_clock(layout, content, source)
     return content
@@ -110,13 +110,14 @@ def _spelled_out(table: pa.Table, kinds: Kinds, content: Content) -> pa.Table:
 def _set_clock(layout: Layout, content: Content, source: str) -> None:
     """Join the clocks of a file that has several; make that of one that has none but the time of each row."""
     arrays = content.arrays
-    if layout.clocks:
-        stamped = {clock: names for clock, names in layout.clocks.items() if clock in arrays}
+    units, clocks = layout.header.units, layout.header.clocks
+    if clocks:
+        stamped = {clock: names for clock, names in clocks.items() if clock in arrays}
         groups = [
             Group(clock, np.asarray(arrays[clock], dtype=float), {n: arrays[n] for n in names if n in arrays})
             for clock, names in stamped.items()
         ]
-        unit = next((layout.units[c] for c in layout.clocks if c in layout.units), None)
+        unit = next((units[c] for c in clocks if c in units), None)
         t, channels, notes = on_one_clock(groups, source)
         content.arrays = {"t": t, **channels}
         content.notes += notes
@@ -143,8 +144,8 @@ def _body(layout: Layout, source: str) -> _Body:
     start, end = line_start(layout.text, layout.skip), len(layout.text)
     while end > start and layout.text[end - 1 : end] in b"\r\n ":
         end -= 1
-    body = _Body(layout.text, start, end, layout.names, layout, source)
-    if layout.comments or layout.clocks or layout.delimiter == " ":
+    body = _Body(layout.text, start, end, tuple(layout.header.names), layout, source)
+    if layout.comments or layout.header.clocks or layout.delimiter == " ":
         body = _cleaned(body)
     rows = body.head(1 << 16)
     if not rows:  # every row repeats the header
@@ -160,7 +161,9 @@ def _cleaned(body: _Body) -> _Body:
         return body
     layout, width = body.layout, len(body.names)
     blanks, mark = layout.delimiter == " ", layout.delimiter.encode()
-    timed = layout.clocks or any(map(is_clock, body.names))  # else a row without a value still is a sample
+    timed = layout.header.clocks or any(
+        map(is_clock, body.names)
+    )  # else a row without a value still is a sample
     empty = None if width == 1 else mark + b' "\t' if timed else b""
     header = {line.strip(b" \r") for line in body.text[: body.start].split(b"\n")} - {b""}
     kept, numbers, taken = [], [], dict.fromkeys(_ASIDE, 0)
@@ -171,7 +174,7 @@ def _cleaned(body: _Body) -> _Body:
             taken[aside] += 1
         elif aside is None:
             row = b"\t".join(bare.split()) if blanks else row
-            kept.append(_filled(row, mark, width) if layout.clocks and not blanks else row)
+            kept.append(_filled(row, mark, width) if layout.header.clocks and not blanks else row)
             numbers.append(i)
     text = b"\n".join(kept)
     notes = tuple(said.format(taken[what]) for what, said in _ASIDE.items() if taken[what])

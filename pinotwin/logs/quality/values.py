@@ -115,15 +115,19 @@ def jump_rows(q: Floats) -> Mask:
     the typical change per row and 1 % of the range: a sentinel or a lost value, not a fast move.
     """
     apart = np.zeros(len(q), dtype=bool)
+    middle = np.median(np.stack([q[:-2], q[1:-1], q[2:]]), axis=0)
+    with np.errstate(invalid="ignore"):
+        apart[1:-1] = np.abs(q[1:-1] - middle) > _jump(q, 50.0, 0.01)
+    return apart
+
+
+def _jump(q: Floats, steps: float, share: float) -> float:
+    """Return the larger of so many usual changes a row and a share of the range; inf where too few rows change."""
     step = np.abs(np.diff(q))
     usual = step[np.isfinite(step) & (step > 0)]
     if len(usual) < 10:
-        return apart
-    middle = np.median(np.stack([q[:-2], q[1:-1], q[2:]]), axis=0)
-    bound = max(50.0 * float(np.median(usual)), 0.01 * float(np.nanmax(q) - np.nanmin(q)))
-    with np.errstate(invalid="ignore"):
-        apart[1:-1] = np.abs(q[1:-1] - middle) > bound
-    return apart
+        return np.inf
+    return max(steps * float(np.median(usual)), share * float(np.nanmax(q) - np.nanmin(q)))
 
 
 def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
@@ -133,12 +137,7 @@ def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
     where a machine rests too, has the path's other rows about it; a sentinel stands alone (fewer than 2 % of
     the rows within 5 % of the range), beyond all others or reached by jumps only.
     """
-    step = np.abs(np.diff(q))
-    usual = step[np.isfinite(step) & (step > 0)]
-    if len(usual) < 10:
-        return None
-    bound = max(20.0 * float(np.median(usual)), 0.2 * float(np.nanmax(q) - np.nanmin(q)))
-    jump = step > bound
+    jump = np.abs(np.diff(q)) > _jump(q, 20.0, 0.2)
     landed, counts = np.unique(q[1:][jump], return_counts=True)
     if not len(landed) or counts.max() < 3:
         return None

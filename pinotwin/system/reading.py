@@ -1,4 +1,4 @@
-"""A value of machine.yaml as its type says; anything else is refused with its path and what is expected there.
+"""A value of a YAML file as its type says; anything else is refused with its path and what is expected there.
 
 Keys are walked through here, so that the path is whole (``axes.Y.rotor_inertia``); msgspec converts the values, and
 the same types make the JSON Schema that editors complete and check a machine.yaml by.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Iterable, Mapping
+from types import UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -38,17 +39,33 @@ def kinds_of(cls: type) -> dict[str, Any]:
 
 def read(value: Any, kind: Any, where: str) -> Any:
     """Return a value as a type says, of a dataclass what is stated, by field; else MachineError with its path."""
-    if dataclasses.is_dataclass(kind):
-        return read_keys(value, kinds_of(kind), where)  # type: ignore[arg-type]
-    if get_origin(kind) is dict:
+    part = next((one for one in get_args(kind) if dataclasses.is_dataclass(one)), kind)
+    if dataclasses.is_dataclass(part) and get_origin(kind) in (None, UnionType):
+        return read_keys(value, kinds_of(part), where)  # type: ignore[arg-type]
+    if dataclasses.is_dataclass(part) and get_origin(kind) is tuple:
+        if not isinstance(value, list):
+            raise MachineError(f"{where}: expected a list, found {value!r}")
+        return [read(x, part, f"{where}[{i}]") for i, x in enumerate(value)]
+    if get_origin(kind) in (dict, Mapping):
         named = {str(key): {} if x is None else x for key, x in _keys_of(value, where).items()}
         return {key: read(x, get_args(kind)[1], _join(where, key)) for key, x in named.items()}
     if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)  # a name of digits
     try:
-        return msgspec.convert(_plain(value), kind, strict=False)
+        out = msgspec.convert(_plain(value), kind, strict=False)
     except msgspec.ValidationError:
         raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
+    if any(isinstance(x, float) and not abs(x) <= _MOST for x in (out if isinstance(out, tuple) else [out])):
+        raise MachineError(f"{where}: expected a finite number, found {value!r}")
+    return out
+
+
+def made(value: Any, kind: Any, where: str) -> Any:
+    """Return a value as a type says, each dataclass in it made of what is stated; raises as :func:`read` does."""
+    try:
+        return msgspec.convert(read(value, kind, where), kind)
+    except msgspec.ValidationError as error:
+        raise MachineError(f"{where}: {error}") from None
 
 
 def read_keys(value: Any, kinds: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -94,7 +111,10 @@ def _words(kind: Any) -> str:
         return str(kind.__metadata__[0].description)
     if get_origin(kind) is Literal:
         return " or ".join(map(str, get_args(kind)))
-    return "true or false" if bool in (kind, *get_args(kind)) else "text"
+    if get_origin(kind) is tuple:
+        return "a list" if Ellipsis in get_args(kind) else f"a list of {len(get_args(kind))}"
+    plain = {bool: "true or false", float: "a number", int: "a whole number"}
+    return next((plain[one] for one in (kind, *get_args(kind)) if one in plain), "text")
 
 
 def _join(where: str, key: Any) -> str:
