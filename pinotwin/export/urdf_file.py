@@ -58,12 +58,12 @@ def _rotor(twin: Twin) -> str:
 def _effects(twin: Twin, inverse: Inverse) -> list[str]:
     """Return the keys of effects that damping and constant friction do not hold, or hold in part."""
     out = []
-    for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
+    for key, pair in zip(twin.keys, twin.pairs, strict=True):
+        effect = pair[0]
         if effect.axis is None or effect.causes[0] == "viscous":
             continue
         if effect.depends == "direction":
-            pairs = [(effect, twin.theta[s])]
-            tables = tabulate(twin.machine, pairs, inverse.travel, inverse.speed).lookup
+            tables = tabulate(twin.machine, [pair], inverse.travel, inverse.speed).lookup
             spread = np.ptp(np.abs(tables.dry))
             out += [f"{key} (its level at speed is kept)"] if spread > 1e-9 * np.abs(tables.dry).max() else []
         elif effect.depends == "displacement":
