@@ -82,7 +82,8 @@ def said(a: Answer) -> str:
 
 def _plain_row(row: Row) -> dict[str, Any]:
     bounds = {"must": shown_bound(row.must, row.kind), "aim": shown_bound(row.aim, row.kind)}
-    return {**dataclasses.asdict(row), **bounds, "state": row.state}
+    texts = {"figure": shown(row), "counts": counts(row)}
+    return {**dataclasses.asdict(row), **bounds, **texts, "state": row.state}
 
 
 def markdown(bench: Bench) -> str:
