@@ -95,14 +95,10 @@ def markdown(bench: Bench) -> str:
         for r in bench.rows()
     ]
     out += _table(("score", "figure", "counts", "must", "aim", ""), body)
-    out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_confusion(bench)]
+    answers = [(true, _counts(row)) for true, row in measured(bench.visible).items()]
+    out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_table(("true effect", "answers"), answers)]
     times = ", ".join(f"{k} {v:.1f} s" for k, v in bench.seconds().items())
     return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])
-
-
-def _confusion(bench: Bench) -> list[str]:
-    rows = [(t, _counts(row)) for t, row in measured(bench.visible).items()]
-    return _table(("true effect", "answers"), rows)
 
 
 def _counts(row: dict[str, float]) -> str:

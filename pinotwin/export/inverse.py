@@ -6,7 +6,6 @@ effect that no table can hold is in ``omitted``, for a file must say what it lea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +65,7 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
         **{name: row.tolist() for name, row in linear_terms(twin).items()},
         **_curves(tables, machine.nv),
     }
+    outside = [k for k, e in enumerate(twin.effects) if e.family.acts in ("sensor", "loop")]
     test = sweep(machine, travel, speed)
     return Inverse(
         name=machine.name,
@@ -74,15 +74,9 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
         data=data,
         travel=travel,
         speed=speed,
-        omitted=_omitted(twin, tables.other),
+        omitted=tuple(twin.keys[k] for k in sorted({*tables.other, *outside})),
         error=deviation(twin, InverseModel(data).run(test.q, test.v, test.a, test.step), test),
     )
-
-
-def _omitted(twin: Twin, other: Sequence[int]) -> tuple[str, ...]:
-    """Return the keys of effects that no curve holds, and of those of a sensor or the loop."""
-    outside = [k for k, e in enumerate(twin.effects) if e.family.acts in ("sensor", "loop")]
-    return tuple(twin.keys[k] for k in sorted({*other, *outside}))
 
 
 def default_travel(machine: Machine) -> Floats:

@@ -40,7 +40,8 @@ def dry_friction(model: pin.Model) -> Floats:
 
 def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     """Return what a URDF cannot hold, and how much of the effort that is."""
-    lost = [_rotor(twin)] if np.any(twin.model.armature) else []
+    rotors = [part.name for part in twin.machine.parts if twin.model.armature[part.index] != 0.0]
+    lost = [f"rotor inertia of {' '.join(rotors)}"] if rotors else []
     pull = twin.model.gravity.linear.tolist()
     lost += [] if tuple(pull) == GRAVITY else [f"gravity {pull} m/s²"]
     lost += _effects(twin, inverse)
@@ -48,11 +49,6 @@ def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     shares = ", ".join(f"{name} {share:.0%}" for name, share in zip(inverse.names, missed, strict=True))
     lines = [f"a URDF has no place for: {', '.join(lost)}"] if lost else []
     return [*lines, f"share of the twin's effort that it misses (RMS, a motion through the range): {shares}"]
-
-
-def _rotor(twin: Twin) -> str:
-    rotors = [part.name for part in twin.machine.parts if twin.model.armature[part.index] != 0.0]
-    return f"rotor inertia of {' '.join(rotors)}"
 
 
 def _effects(twin: Twin, inverse: Inverse) -> list[str]:

@@ -12,7 +12,6 @@ from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
-from pinotwin.machine import Machine
 from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
 from pinotwin.simulation.tables import Tables, tabulate
 from pinotwin.twin.open_loop import OpenLoop
@@ -87,18 +86,15 @@ def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
     speed = 2.0 * np.abs(vr).max(axis=0) + some
     tables = tabulate(machine, plant.pairs, np.stack([low - margin, high + margin]), speed)
     other = tuple(plant.pairs[k] for k in tables.other if plant.effects[k].mode() is None)
-    modes = tuple(_mode(machine, *pair) for pair in plant.pairs if pair[0].mode() is not None)
-    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in _TERMS])
+    modes = tuple(
+        (machine.names.index(str(effect.axis)), float(theta[0]), *mode)
+        for effect, theta in plant.pairs
+        if (mode := effect.mode()) is not None
+    )
+    terms = ("inertia", "viscous", "stiffness")
+    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in terms])
     ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
     return Plant(_tape(plant, tables), tables.lookup, other, modes, diagonal, margin, ground)
-
-
-def _mode(machine: Machine, effect: Effect, theta: Floats) -> tuple[int, float, float, float]:
-    frequency, damping = effect.mode() or (0.0, 0.0)
-    return machine.names.index(str(effect.axis)), float(theta[0]), frequency, damping
-
-
-_TERMS = ("inertia", "viscous", "stiffness")
 
 
 def _tape(plant: OpenLoop, tables: Tables) -> Tape:

@@ -107,7 +107,7 @@ def _positions(
     """Return the position tables of all joints, where each is, and its grid."""
     tables, grid = [], np.zeros((machine.nv, 2))
     for i in range(machine.nv):
-        own = _of(machine, effects, i)
+        own = [x for x in effects if x[0].axis == machine.names[i]]
         efforts = [partial(_effort, machine, e, theta, i) for e, theta in own]
         values, (start, spacing) = _dense(efforts, [e for e, _ in own], travel[:, i])
         tables.append(values)
@@ -118,11 +118,6 @@ def _positions(
 
 
 _Effort = Callable[..., Floats]
-
-
-def _of(machine: Machine, effects: Sequence[tuple[Effect, Floats]], i: int) -> list[tuple[Effect, Floats]]:
-    """Return the effects of one joint."""
-    return [x for x in effects if x[0].axis is not None and machine.names.index(x[0].axis) == i]
 
 
 def _effort(

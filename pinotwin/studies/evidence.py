@@ -76,6 +76,8 @@ def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
     motion = given if isinstance(given, Motion) else prepare(twin.machine, given, **twin.settings)
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
+    u = thin(motion, np.nan_to_num(motion.u))
+    u[:, [j for j in range(u.shape[1]) if j not in rows.joints]] = np.nan
     parts = {key: thin(motion, part) for key, part in twin.parts(motion).items()}
     if motion.external is not None:
         parts["external_force"] = -thin(motion, motion.external)
@@ -88,19 +90,12 @@ def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
         q=motion.q[pick],
         v=motion.v[pick],
         a=motion.a[pick],
-        u=_thin_effort(motion, rows.joints),
+        u=u,
         parts=parts,
         use=motion.use[pick],
         rate=1.0 / (motion.step * step),
         source=motion.source,
     )
-
-
-def _thin_effort(motion: Motion, joints: Sequence[int]) -> Floats:
-    u = thin(motion, np.nan_to_num(motion.u))
-    missing = [j for j in range(u.shape[1]) if j not in joints]
-    u[:, missing] = np.nan
-    return u
 
 
 def _running(t: Floats, block: Ints, step: float) -> Floats:
