@@ -6,7 +6,7 @@ Times run down the rows. Shapes are given in the docstrings: ``n`` samples, ``nv
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,13 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+
+def mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
+    """Return nested dicts, lists and tuples as dicts and lists, with ``leaf`` of what is none of them."""
+    if isinstance(value, dict):
+        return {key: mapped(x, leaf) for key, x in value.items()}
+    return [mapped(x, leaf) for x in value] if isinstance(value, list | tuple) else leaf(value)
 
 
 def plain(value: Any) -> Any:

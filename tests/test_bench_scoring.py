@@ -14,7 +14,7 @@ from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, same_class
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
-from pinotwin.bench.table import Bench, markdown, measured
+from pinotwin.bench.table import document, markdown, measured
 from pinotwin.report.blind import bench_page
 
 STRIBECK, DELAY = ("stribeck", "X"), ("delay", "X")
@@ -239,11 +239,11 @@ def bench():
         *(made(named=(STRIBECK,)) for _ in range(9)),
         dataclasses.replace(made(), verdict="error", error="ValueError: <oh>"),
     ]
-    return Bench(answers, 20)
+    return document(answers, 20)
 
 
 def test_the_table_in_markdown_and_json_says_the_same(bench):
-    text, content = markdown(bench), json.loads(json.dumps(plain(bench.document())))
+    text, content = markdown(bench), json.loads(json.dumps(plain(bench)))
     assert "15 of 20 cases" in text
     assert "| healthy machine accused of anything | 50.0% | 1/2 | ≤ 5% | ≤ 2% | MISSED |" in text
     row = next(r for r in content["scores"] if r["name"] == "healthy machine accused of anything")
@@ -254,7 +254,7 @@ def test_the_table_in_markdown_and_json_says_the_same(bench):
 
 
 def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
-    page = bench_page(bench.document()).html()
+    page = bench_page(bench).html()
     for title in (
         "Scores",
         "What is taken for what",
@@ -270,5 +270,5 @@ def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
 
 
 def test_an_empty_bench_makes_a_page_all_the_same():
-    page = bench_page(Bench([], 0).document()).html()
+    page = bench_page(document([], 0)).html()
     assert "Too few cases for any score." in page

@@ -136,7 +136,7 @@ def twin_with(name: str) -> Twin:
 def left(twin: Twin) -> tuple[np.ndarray, Motion]:
     """Return effort of a simulation less the twin's own for the simulated motion, and that motion."""
     out = respond(twin, smooth_command(twin.machine, 1.0, 1000.0))
-    motion = as_motion(twin, out.request, out)
+    motion = as_motion(twin, out)
     inner = slice(20, -20)
     return (motion.u - twin.effort(motion))[inner, 1], motion
 

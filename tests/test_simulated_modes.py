@@ -76,13 +76,13 @@ def test_the_coupled_machine_swings_like_two_masses() -> None:
 def test_the_effect_says_of_the_simulated_motion_what_moved_it() -> None:
     """The column along the motion and the states of the simulation are one spring."""
     found = respond(twin(), command(), controller="coupled")
-    motion = as_motion(twin(), found.request, found)
+    motion = as_motion(twin(), found)
     assert twin().effort(motion)[:, 0] == pytest.approx(found.u[:, 0], abs=0.02 * np.std(found.u))
 
 
 def test_a_free_loop_has_the_mode_among_its_poles_and_not_in_its_disturbance() -> None:
     found = respond(twin(), command(), controller="coupled")
-    motion = as_motion(twin(), found.request, found)
+    motion = as_motion(twin(), found)
     with_mode, without = (
         generalised_disturbance(twin(), motion, twin().diagonal, modes=modes) for modes in (True, False)
     )

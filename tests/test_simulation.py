@@ -94,7 +94,7 @@ class TestPhysics:
         from pinotwin.simulation.run import as_motion
 
         found = respond(trunnion, command, every_step=True)
-        needed = trunnion.effort(as_motion(trunnion, found.request, found))
+        needed = trunnion.effort(as_motion(trunnion, found))
         assert np.all(rms(found.u - needed) < 1e-3 * rms(needed))
 
     def test_position_velocity_and_acceleration_belong_together(self, trunnion, command):

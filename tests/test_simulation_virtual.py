@@ -163,7 +163,7 @@ def test_a_motor_that_turns_two_joints_has_friction_in_the_sum_of_their_speeds()
     theta[twin.slices[twin.keys.index("J6.wrist_coupling")]] = 2e-3, 0.02, 0.05
     twin = dataclasses.replace(twin, theta=theta)
     found = respond(twin, smooth_command(twin.machine, 0.5, 1000.0), every_step=True)
-    needed = twin.effort(as_motion(twin, found.request, found))
+    needed = twin.effort(as_motion(twin, found))
     slides = np.abs(found.v[:, 4] + found.v[:, 5]) > 0.1  # the effect takes a plain sign, which chatters
     slides &= np.arange(len(slides)) > 200
     for i in range(machine.nv):
@@ -192,7 +192,7 @@ def test_an_effect_that_fits_no_table_is_simulated_by_passes():
     log = smooth_command(twin.machine, 0.6, 1000.0)
     found, calm = respond(windy, log, every_step=True), respond(twin, log, every_step=True)
     assert not found.notes
-    motion = as_motion(windy, found.request, found)
+    motion = as_motion(windy, found)
     needed, drag = (
         windy.effort(motion)[:, 0],
         windy.parts(motion)["Y." + windy.effects[-1].name][:, 0],

@@ -126,7 +126,7 @@ def decompose(
     found = respond(twin, given, controller=controller, every_step=True)
     asked = found.request
     modes = is_coupled(preferred(twin) if controller is None else controller)
-    parts = split(twin, as_motion(twin, asked, found), modes=modes)
+    parts = split(twin, as_motion(twin, found), modes=modes)
     rest = found.d - np.sum(list(parts.values()), axis=0)
     parts["other"] = parts["other"] + rest if "other" in parts else rest
     rows = _rows(asked.t, asked.source, window)

@@ -21,13 +21,12 @@ The rigid body's effort is split by evaluating it with parts of the motion set t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import Effect
-from pinotwin.effects.layout import rigid_body_of
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -55,17 +54,19 @@ def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, F
     """
     q = np.concatenate([motion.q[s] for s in motion.segments])
     M = mean_inertia(plant, halton(postures, q.min(axis=0), q.max(axis=0)))
-    inertia = np.diag(M).copy()
-    viscous, stiffness = np.zeros(plant.machine.nv), np.zeros(plant.machine.nv)
-    for effect, theta in _effects(plant):
-        for k, cause in enumerate(causes(effect)):
-            if cause in ("viscous", "stiffness"):
-                assert effect.axis is not None
-                kept = viscous if cause == "viscous" else stiffness
-                kept[plant.machine.names.index(effect.axis)] += theta[k]
-    found = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
+    found = {"inertia": np.diag(M).copy(), **linear_terms(plant)}
     if plant.machine.passive:
         found["ground"] = _ground(plant.machine, M)
+    return found
+
+
+def linear_terms(plant: OpenLoop) -> dict[str, Floats]:
+    """Return the coefficients of all effects that count as ``viscous`` or ``stiffness`` by joint, (nv,) each."""
+    found = {name: np.zeros(plant.machine.nv) for name in ("viscous", "stiffness")}
+    for effect, theta in plant.pairs:
+        for cause, value in zip(causes(effect), theta, strict=True):
+            if cause in found:
+                found[cause][plant.machine.names.index(str(effect.axis))] += value
     return found
 
 
@@ -91,12 +92,12 @@ def _ground(machine: Machine, M: Floats) -> Floats:
 def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     """Return the mean of M(q) over postures, shape (nv, nv)."""
     zero = np.zeros_like(postures)
-    held = rigid_effort(plant, postures, zero, zero)
+    held = plant.rigid_effort(postures, zero, zero)
     out = np.zeros((postures.shape[1], postures.shape[1]))
     for i in range(len(out)):
         unit = zero.copy()
         unit[:, i] = 1.0
-        out[:, i] = np.mean(rigid_effort(plant, postures, zero, unit) - held, axis=0)
+        out[:, i] = np.mean(plant.rigid_effort(postures, zero, unit) - held, axis=0)
     return out
 
 
@@ -109,9 +110,9 @@ def generalised_disturbance(
     on an axis by a spring are: a free loop has them among its poles. ``diagonal`` is M_D, C and K as :func:`diagonal`
     returns them.
     """
-    total = rigid_effort(plant, motion.q, motion.v, motion.a)
+    total = plant.rigid_effort(motion.q, motion.v, motion.a)
     motion = plant.scene(motion)
-    for effect, theta in _effects(plant):
+    for effect, theta in plant.pairs:
         if effect.axis is not None and not effect.logged_effort and (modes or effect.mode() is None):
             total += _effort(effect, theta, motion, total.shape[1])
     if motion.external is not None:
@@ -130,7 +131,7 @@ def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> dict[str, F
     parts: dict[str, Floats] = {}
     motion = plant.scene(motion)
     n, nv = motion.q.shape
-    for effect, theta in _effects(plant):
+    for effect, theta in plant.pairs:
         if effect.axis is None or not (modes or effect.mode() is None):
             continue
         words = causes(effect)
@@ -158,28 +159,22 @@ def _rigid_parts(plant: OpenLoop, motion: Motion, inertia: Floats) -> dict[str, 
     moving = np.array([name in plant.machine.axes for name in motion.names], dtype=bool)
     q, v, a = (_only(x, moving) for x in (motion.q, motion.v, motion.a))
     zero = np.zeros_like(q)
-    g = rigid_effort(plant, q, zero, zero)
-    gc = rigid_effort(plant, q, v, zero)
-    whole = rigid_effort(plant, q, v, a)
+    g = plant.rigid_effort(q, zero, zero)
+    gc = plant.rigid_effort(q, v, zero)
+    whole = plant.rigid_effort(q, v, a)
     parts = {
         "gravity": g,
         "inertial_coupling": whole - gc - _only(inertia, moving),
         "coriolis_centrifugal": gc - g,
     }
     if not moving.all():
-        full = rigid_effort(plant, motion.q, motion.v, motion.a)
+        full = plant.rigid_effort(motion.q, motion.v, motion.a)
         parts["flexibility"] = full - whole - (inertia - _only(inertia, moving))
     return parts
 
 
 def _only(x: Floats, kept: Mask) -> Floats:
     return np.where(kept, x, 0.0)
-
-
-def rigid_effort(plant: OpenLoop, q: Floats, v: Floats, a: Floats) -> Floats:
-    """Return the effort of the tree with the coefficients that were found, shape (n, nv)."""
-    tree, where = rigid_body_of(plant.effects)
-    return tree.effort(plant.theta[where], q, v, a)
 
 
 def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:
@@ -196,11 +191,6 @@ def linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:
     """Return M_D a, C v and K q of a motion: ``inertia``, ``viscous`` and ``stiffness``, each of shape (n, nv)."""
     pairs = {"inertia": motion.a, "viscous": motion.v, "stiffness": motion.q}
     return {name: x * np.asarray(diagonal[name], dtype=float) for name, x in pairs.items()}
-
-
-def _effects(plant: OpenLoop) -> Iterator[tuple[Effect, Floats]]:
-    for effect, s in zip(plant.effects, plant.slices, strict=True):
-        yield effect, plant.theta[s]
 
 
 def halton(count: int, lower: Floats, upper: Floats) -> Floats:

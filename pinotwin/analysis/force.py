@@ -140,11 +140,11 @@ def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
     twin's own logs.
     """
     error = twin.effort_error(motion)
-    for effect, where in zip(twin.effects, twin.slices, strict=True):
+    for effect, theta in twin.pairs:
         strange = ~effect.known(motion)
         if strange.any():
             j = twin.machine.axes[str(effect.axis)].index
-            size = np.std(effect.columns(own).effort(twin.theta[where], twin.machine.nv)[:, j])
+            size = np.std(effect.columns(own).effort(theta, twin.machine.nv)[:, j])
             error[strange, j] = np.hypot(error[strange, j], size)
     return error
 

@@ -138,11 +138,7 @@ def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[
     with engine(plan.workers) as each:
         # The healthy twins come first, so that two processes never make the same one.
         twins = sorted({(c.machine, c.twin) for c in cases if c.situation == "change"})
-        for count, _ in enumerate(each(functools.partial(_make_twin, plan.twins), twins, None), 1):
+        for count, _ in enumerate(each(functools.partial(make_twin, plan.twins), twins, None), 1):
             tell(f"healthy twin {count} of {len(twins)}", 0.0)  # one that fails is an error of its cases
         for case, said in each(functools.partial(answer, plan=plan), cases, end):
             yield case, failed(case, said) if isinstance(said, BaseException) else said
-
-
-def _make_twin(folder: Path, pair: tuple[str, int]) -> None:
-    make_twin(folder, *pair)

@@ -4,63 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from pinotwin.bench.answers import Answer
 from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
-from pinotwin.bench.statistics import Calibration
 
 STATES = {"aim": "aim reached", "must": "must reached", "below": "MISSED", "": ""}
 
 
-@dataclass(frozen=True)
-class Bench:
-    """A scored bench."""
-
-    answers: Sequence[Answer]  # what was said
-    planned: int  # cases that were to be run
-
-    @property
-    def visible(self) -> list[Answer]:
-        """Singles that must be named."""
-        return [a for a in self.answers if a.kind == "single" and a.size >= VISIBLE]
-
-    def rows(self) -> list[Row]:
-        """Return the table of scores."""
-        return rows(self.answers)
-
-    def calibration(self) -> Calibration | None:
-        """Return the calibration of all first answers."""
-        return confidence(self.answers)
-
-    def seconds(self) -> dict[str, float]:
-        """Return the mean time of every stage of a case [s]."""
-        names = sorted({k for a in self.answers for k in a.seconds})
-        return {n: float(np.mean([a.seconds[n] for a in self.answers if n in a.seconds])) for n in names}
-
-    def kinds(self) -> dict[str, int]:
-        """Return how many cases of each kind were answered."""
-        names = sorted({a.kind for a in self.answers})
-        return {k: sum(a.kind == k for a in self.answers) for k in names}
-
-    def document(self) -> dict[str, Any]:
-        """Return everything, for JSON and for the page."""
-        found = self.calibration()
-        return {
-            "cases": self.kinds(),
-            "planned": self.planned,
-            "machines": sorted({a.machine for a in self.answers}),
-            "scores": [_plain_row(row) for row in self.rows()],
-            "calibration": None if found is None else dataclasses.asdict(found),
-            "confusion": measured(self.visible),
-            "seconds": self.seconds(),
-            "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
-            "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in self.answers],
-        }
+def document(answers: Sequence[Answer], planned: int) -> dict[str, Any]:
+    """Return what was said of so many planned cases, scored, for JSON, the page and Markdown."""
+    found = confidence(answers)
+    stages = sorted({k for a in answers for k in a.seconds})
+    return {
+        "cases": dict(sorted(Counter(a.kind for a in answers).items())),
+        "planned": planned,
+        "machines": sorted({a.machine for a in answers}),
+        "scores": [_plain_row(row) for row in rows(answers)],
+        "calibration": None if found is None else dataclasses.asdict(found),
+        "confusion": measured([a for a in answers if a.kind == "single" and a.size >= VISIBLE]),
+        "seconds": {k: float(np.mean([a.seconds[k] for a in answers if k in a.seconds])) for k in stages},
+        "errors": [{"case": a.number, "error": a.error} for a in answers if a.error],
+        "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in answers],
+    }
 
 
 def measured(singles: Sequence[Answer]) -> dict[str, dict[str, float]]:
@@ -82,26 +51,21 @@ def said(a: Answer) -> str:
 
 def _plain_row(row: Row) -> dict[str, Any]:
     bounds = {"must": shown_bound(row.must, row.kind), "aim": shown_bound(row.aim, row.kind)}
-    return {**dataclasses.asdict(row), **bounds, "state": row.state}
+    texts = {"figure": shown(row), "counts": counts(row)}
+    return {**dataclasses.asdict(row), **bounds, **texts, "state": row.state}
 
 
-def markdown(bench: Bench) -> str:
-    """Return the whole table as Markdown."""
-    kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in bench.kinds().items())
-    out = ["# The withheld bench", "", f"{len(bench.answers)} of {bench.planned} cases: {kinds}.", ""]
-    body = [
-        (r.name, shown(r), counts(r), *(shown_bound(b, r.kind) for b in (r.must, r.aim)), STATES[r.state])
-        for r in bench.rows()
-    ]
+def markdown(d: Mapping[str, Any]) -> str:
+    """Return the whole table of a :func:`document` as Markdown."""
+    kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in d["cases"].items())
+    out = ["# The withheld bench", "", f"{len(d['answers'])} of {d['planned']} cases: {kinds}.", ""]
+    columns = ("name", "figure", "counts", "must", "aim")
+    body = [[*(r[k] for k in columns), STATES[r["state"]]] for r in d["scores"]]
     out += _table(("score", "figure", "counts", "must", "aim", ""), body)
-    out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_confusion(bench)]
-    times = ", ".join(f"{k} {v:.1f} s" for k, v in bench.seconds().items())
+    answers = [(true, _counts(row)) for true, row in d["confusion"].items()]
+    out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_table(("true effect", "answers"), answers)]
+    times = ", ".join(f"{k} {v:.1f} s" for k, v in d["seconds"].items())
     return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])
-
-
-def _confusion(bench: Bench) -> list[str]:
-    rows = [(t, _counts(row)) for t, row in measured(bench.visible).items()]
-    return _table(("true effect", "answers"), rows)
 
 
 def _counts(row: dict[str, float]) -> str:

@@ -11,14 +11,15 @@ from pinotwin.errors import DataError
 from pinotwin.twin import Twin
 
 
-def make_twin(folder: Path, machine: str, seed: int, seconds: float = 12.0) -> Path:
-    """Identify a healthy machine's twin on two logs of so many seconds, unless it is there; return its folder.
+def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Path:
+    """Identify the twin of a healthy machine and a seed on two logs, unless it is there; return its folder.
 
     Its closed loops are left out: simulating the tracking error takes most of the time of a case, and the law
     of the servo is held against the logs alone.
     """
     from pinotwin.identification import identify
 
+    machine, seed = pair
     target = folder / f"{machine.replace(':', '-').replace('/', '_')}-{seed}"
     if not (target / "twin.json").is_file():
         well = virtual(machine)
@@ -37,4 +38,4 @@ def make_twin(folder: Path, machine: str, seed: int, seconds: float = 12.0) -> P
 @functools.lru_cache(maxsize=16)
 def healthy_twin(folder: Path, machine: str, seed: int) -> Twin:
     """Return the twin of a healthy machine as it is read from disk."""
-    return Twin.load(make_twin(folder, machine, seed))
+    return Twin.load(make_twin(folder, (machine, seed)))

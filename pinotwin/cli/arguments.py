@@ -35,7 +35,10 @@ PageFile = Annotated[str, "file", "a page", ".html", ".htm"]
 Folder = Annotated[str, "folder"]
 """A folder that the command writes."""
 
-SHARED = {
+SHARED: dict[str, tuple[str | None, str]] = {
+    "machine": (None, "machine folder, machine.yaml, .urdf, or a bundled name"),
+    "twin": (None, "folder that `pinotwin identify` wrote"),
+    "seed": (None, "of the healthy draws"),
     "cutoff": ("HZ", "corner of the zero-phase low-pass; 0 for none (found in the logs)"),
     "decimate": ("N", "fit one row in N (as the corner allows)"),
     "resample": ("HZ", "put the logs on an even clock of that rate (their own clock)"),

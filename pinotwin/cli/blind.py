@@ -43,7 +43,7 @@ def run(
     """
     from pinotwin.bench.cases import MACHINES, draw_cases, some
     from pinotwin.bench.run import Plan, run_bench
-    from pinotwin.bench.table import Bench, markdown
+    from pinotwin.bench.table import document, markdown
     from pinotwin.report.blind import bench_page
 
     for name, value in {"seeds": seeds, "workers": workers, "cases": cases}.items():
@@ -59,8 +59,8 @@ def run(
     drawn = some(draw_cases(machines or MACHINES, seeds, situations=situations, seed=seed), cases)
     with progress() as report:
         answers = run_bench(drawn, Plan(folder, seconds, workers, limit_minutes, quick), report)
-    bench = Bench(answers, len(drawn))
-    content, text = bench.document(), markdown(bench)
+    content = document(answers, len(drawn))
+    text = markdown(content)
     write_json(folder / "bench.json", content)
     write_text(folder / "bench.md", text)
     write_text(folder / "bench.html", bench_page(content).html())

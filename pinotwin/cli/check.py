@@ -19,7 +19,6 @@ def run(
     """Examine and say what was found; 1 if something forbids going on.
 
     Args:
-        machine: machine folder, machine.yaml, .urdf, or a bundled name
         log: servo log; a.csv+b.csv joins columns
         out (PATH): folder for check.json and check.txt, what is printed
     """

@@ -60,7 +60,7 @@ def run(*, out: Folder = "out/demo") -> Answer:
 
 def _commands(out: Path) -> list[tuple[str, list[str]]]:
     """Return what each step shows, if it needs a word, and the command; the diagnosis last."""
-    emps = data_folder() / "emps" / "DATA_EMPS.mat"
+    emps = Path(os.environ.get("PINOTWIN_DATA", "../shared/data")) / "emps" / "DATA_EMPS.mat"
 
     def words(text: str) -> list[str]:
         return [word.format(out=out, emps=emps) for word in text.split()]
@@ -115,8 +115,3 @@ def compile_steppers() -> None:
     for form in ("black", "coupled"):
         with contextlib.suppress(PinotwinError):  # compiled all the same
             closed.simulate(log, controller=form)
-
-
-def data_folder() -> Path:
-    """Return the folder of the real recordings: $PINOTWIN_DATA, or ../shared/data."""
-    return Path(os.environ.get("PINOTWIN_DATA", "../shared/data"))

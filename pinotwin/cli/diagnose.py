@@ -49,7 +49,6 @@ def run(
             cross-validated on LOG)
         quick: screen only: fewer draws, one effect
         fail_on_gap: exit 1 unless the verdict is none
-        seed: of the healthy draws (0)
         each: diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, one table
             of all (each.csv, each.json); run again, it goes on with what is missing or has changed. Exit code 2 if a
             log could not be diagnosed (a line of the table; the others are done all the same), else 1 with

@@ -22,7 +22,7 @@ from typing import Any
 
 from pinotwin.cli.arguments import Answer
 from pinotwin.cli.each_table import FAILED, Row, Table, answered, failed, lines_of
-from pinotwin.cli.inputs import distinct
+from pinotwin.cli.inputs import distinct, files_of
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError, OutputError
 from pinotwin.system.threads import one_blas_thread
@@ -135,15 +135,9 @@ def logs_in(given: str) -> list[str]:
     return [str(path) for path in inside]
 
 
-def _parts(log: str) -> list[Path]:
-    """Return the files of a log; ``a.csv+b.csv`` names two."""
-    whole = Path(log)
-    return [whole] if whole.exists() or "+" not in log else [Path(p.strip()) for p in log.split("+")]
-
-
 def _path(log: str) -> list[str]:
     """Return the folders of a log, and what its own folder is called by: the stems of its files."""
-    first, *others = _parts(log)
+    first, *others = map(Path, files_of(log))
     return [*first.absolute().parts[1:-1], "_".join([first.stem, *(p.stem for p in others)])]
 
 
@@ -169,7 +163,7 @@ def _made_of(asked: Asked) -> str:
 def _digest(log: str) -> str:
     """Return a digest of the contents of a log's files, or of all files in a folder."""
     digest = hashlib.sha256()
-    for path in _parts(log):
+    for path in map(Path, files_of(log)):
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             try:
                 with file.open("rb") as stream:

@@ -18,7 +18,6 @@ def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
     """Write the files and say what they leave out.
 
     Args:
-        twin (TWIN): folder that `pinotwin identify` wrote
         format (FORMAT): urdf (inertials, <dynamics damping friction>), mjcf (MuJoCo, with a passive-force function
             in Python beside it), numpy or c (the inverse model in one file)
         speed (AXIS=V): largest speed that curves cover [m/s or rad/s] (the URDF's limit)

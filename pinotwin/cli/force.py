@@ -11,7 +11,6 @@ def run(twin: str, log: str, *, link: str | None = None, out: CsvFile) -> Answer
     """Estimate, write, and say how often the external effort of each axis lies beyond its interval.
 
     Args:
-        twin: folder that `pinotwin identify` wrote
         log (LOG): servo log of the same machine
         link (NAME): also the pure force on this link, in its axes
         out (PATH): external effort over time to write (.csv)

@@ -36,7 +36,6 @@ def run(
     """Identify, save, and say what was found.
 
     Args:
-        machine: machine folder, machine.yaml, .urdf, or a bundled name
         logs (LOG): servo log(s); a.csv+b.csv joins columns
         validate (LOG): log to validate on, not used to fit (without one: cross-validated on LOG)
         no_loop: identify the open loop only

@@ -24,11 +24,9 @@ def run(
     """Identify, add what the model lacks, identify again; save the best twin.
 
     Args:
-        machine: machine folder, machine.yaml, .urdf, or a bundled name
         logs (LOG): servo log(s) of the healthy machine
         validate (LOG): sealed log: neither fit nor diagnosis sees it; it decides whether a step is kept
         most (N): largest number of steps
-        seed: of the healthy draws (0)
         out (PATH): folder for the twin and its report
     """
     check_there(*logs, *validate)

@@ -71,10 +71,16 @@ def by_axis(option: str, given: Sequence[str], count: int = 1) -> dict[str, list
     return {text.partition("=")[0]: numbers(option, text, form, count) for text in given}
 
 
+def files_of(argument: str) -> list[str]:
+    """Return the files of a log; ``a.csv+b.csv`` names two."""
+    whole = os.path.exists(argument) or "+" not in argument
+    return [argument] if whole else [part.strip() for part in argument.split("+")]
+
+
 def check_there(*arguments: str) -> None:
     """Refuse logs that are not there before anything is loaded for them, naming those that lie beside."""
     for text in arguments:
-        if not any(map(os.path.exists, [text, *map(str.strip, text.split("+"))])):
+        if not any(map(os.path.exists, files_of(text))):
             from pinotwin.logs.files import read_argument
 
             read_argument(text)  # says what is wrong with the name
@@ -94,7 +100,7 @@ def read_logs(arguments: Sequence[str], large: float = 3e7) -> list[Log]:
     """
     from pinotwin.logs.files import read_argument
 
-    sizes = [_size(text) for text in arguments]
+    sizes = [sum(map(os.path.getsize, filter(os.path.isfile, files_of(text)))) for text in arguments]
     logs = []
     with progress() if sum(sizes) > large else nullcontext(silent) as report:
         for k, text in enumerate(arguments):
@@ -105,9 +111,3 @@ def read_logs(arguments: Sequence[str], large: float = 3e7) -> list[Log]:
             seen(0.0)
             logs.append(read_argument(text, None if report is silent else seen))
     return logs
-
-
-def _size(text: str) -> int:
-    """Return the bytes of what an argument names; 0 for what is not there, which reading will say."""
-    paths = [Path(text)] if Path(text).exists() else [Path(part.strip()) for part in text.split("+")]
-    return sum(path.stat().st_size for path in paths if path.is_file())

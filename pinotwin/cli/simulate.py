@@ -25,7 +25,6 @@ def run(
     """Simulate, write, and compare with the log where it was measured.
 
     Args:
-        twin: folder that `pinotwin identify` wrote
         log (LOG): log; only t, *.qr and external loads are used
         controller: identified controllers around the identified plant (coupled), identified transfer functions
             (black), or those with the vibration of a passive joint as output; without it, the form that predicted

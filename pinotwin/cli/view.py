@@ -136,11 +136,10 @@ def _modes(
     from pinotwin.analysis.modal import modes, servo_modes
     from pinotwin.twin import Twin
     from pinotwin.twin.twin import as_twin
-    from pinotwin.viewer import parse_posture
+    from pinotwin.viewer.show import posture_of
 
     machine = subject.machine if isinstance(subject, Twin) else subject
-    rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    values = parse_posture(posture, rotary) if posture else {}
+    values = posture_of(machine, posture)
     if servo:
         return servo_modes(as_twin(subject if isinstance(subject, Twin) else name), values)
     released = [] if free is None else (free or list(machine.axes))

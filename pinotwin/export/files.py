@@ -9,7 +9,7 @@ from typing import Any
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.export.inverse import Inverse, inverse_of
-from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
+from pinotwin.export.mjcf import mjcf_files
 from pinotwin.export.texts import c_text, left_out, numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.notebook import Card, Shown
@@ -23,7 +23,7 @@ SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
 
 @dataclass(frozen=True, repr=False)
 class Export(Card):
-    """Files for another tool, not yet written.
+    """Files for another tool.
 
     Attributes:
         format: ``urdf``, ``mjcf``, ``numpy`` or ``c``.
@@ -79,23 +79,15 @@ def export_twin(
     Raises:
         InputError: there is no such format, or the name has another format's suffix.
     """
-    path = as_path(out, "out")
-    made = prepare_export(as_twin(twin), format, path, travel=travel, speed=speed)
-    for name, content in made.files.items():
-        write_bytes(path.parent / name, content)
-    return made
-
-
-def prepare_export(
-    twin: Twin, format: str, path: Path, *, travel: Floats | None = None, speed: Floats | None = None
-) -> Export:
-    """Return the files without writing them; see :func:`export_twin`."""
+    path, twin = as_path(out, "out"), as_twin(twin)
     if format not in SUFFIX:
         raise InputError(f"--format: no format {format!r}; {nearest(format, SUFFIX)}")
     if path.suffix != SUFFIX[format]:
         raise InputError(f"--out: {path.name}: a file of format {format} is named *{SUFFIX[format]}")
     inverse = inverse_of(twin, travel, speed)
     files, notes = _made(twin, inverse, format, path.stem)
+    for name, content in files.items():
+        write_bytes(path.parent / name, content)
     return Export(format, files, inverse, tuple(dict.fromkeys([*left_out(inverse), *notes])))
 
 
@@ -104,8 +96,6 @@ def _made(twin: Twin, inverse: Inverse, format: str, stem: str) -> tuple[dict[st
     if format == "urdf":
         return {f"{stem}.urdf": urdf_text(twin)}, urdf_lines(twin, inverse)
     if format == "mjcf":
-        passive = passive_text(twin, inverse, stem).encode()
-        files = {f"{stem}.xml": mjcf_text(twin, inverse), f"{stem}_passive.py": passive}
-        return files, mjcf_lines(twin, inverse)
+        return mjcf_files(twin, inverse, stem)
     text = numpy_text if format == "numpy" else c_text
     return {f"{stem}{SUFFIX[format]}": text(inverse, stem).encode()}, []

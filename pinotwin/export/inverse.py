@@ -6,15 +6,15 @@ effect that no table can hold is in ``omitted``, for a file must say what it lea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from pinotwin.analysis.disturbance import linear_terms
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect, total_effort
+from pinotwin.effects import total_effort
 from pinotwin.errors import MachineError
 from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
@@ -57,15 +57,15 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
     machine = twin.machine
     travel = default_travel(machine) if travel is None else travel
     speed = default_speed(machine) if speed is None else speed
-    pairs = [(e, twin.theta[s]) for e, s in zip(twin.effects, twin.slices, strict=True)]
-    tables = tabulate(machine, pairs, travel, speed)
+    tables = tabulate(machine, twin.pairs, travel, speed)
     data = {
         "machine": machine.name,
         "names": list(machine.names),
         **_tree(twin),
-        **_linear(pairs, machine.names),
+        **{name: row.tolist() for name, row in linear_terms(twin).items()},
         **_curves(tables, machine.nv),
     }
+    outside = [k for k, e in enumerate(twin.effects) if e.family.acts in ("sensor", "loop")]
     test = sweep(machine, travel, speed)
     return Inverse(
         name=machine.name,
@@ -74,15 +74,9 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
         data=data,
         travel=travel,
         speed=speed,
-        omitted=_omitted(twin, tables.other),
+        omitted=tuple(twin.keys[k] for k in sorted({*tables.other, *outside})),
         error=deviation(twin, InverseModel(data).run(test.q, test.v, test.a, test.step), test),
     )
-
-
-def _omitted(twin: Twin, other: Sequence[int]) -> tuple[str, ...]:
-    """Return the keys of effects that no curve holds, and of those of a sensor or the loop."""
-    outside = [k for k, e in enumerate(twin.effects) if e.family.acts in ("sensor", "loop")]
-    return tuple(twin.keys[k] for k in sorted({*other, *outside}))
 
 
 def default_travel(machine: Machine) -> Floats:
@@ -143,17 +137,6 @@ def _tree(twin: Twin) -> dict[str, Any]:
         "armature": np.asarray(model.armature, dtype=float).tolist(),
         "joints": joints,
     }
-
-
-def _linear(pairs: Sequence[tuple[Effect, Floats]], names: Sequence[str]) -> dict[str, Any]:
-    """Return the viscous and stiffness coefficients: effects whose columns are the axis' own v or q."""
-    out = {"viscous": np.zeros(len(names)), "stiffness": np.zeros(len(names))}
-    for effect, theta in pairs:
-        if effect.causes[0] in out and effect.axis is not None:
-            causes = effect.causes * len(theta) if len(effect.causes) == 1 else effect.causes
-            for cause, value in zip(causes, theta, strict=False):
-                out[cause][names.index(effect.axis)] += value
-    return {key: row.tolist() for key, row in out.items()}
 
 
 def _curves(made: Tables, nv: int) -> dict[str, Any]:

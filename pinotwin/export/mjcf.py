@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.export.geometry import geometry_of, numbers, quaternion
+from pinotwin.export.geometry import Geometry, geometry_of, numbers, quaternion
 from pinotwin.export.inverse import Inverse, joint_axis
 from pinotwin.export.native import Native, split
 from pinotwin.export.texts import header, literal, rendered, runtime_text
@@ -21,10 +21,27 @@ _FRICTION = {"solreffriction": "0.001 1", "solimpfriction": "0.99 0.99 0.001"}
 """Dry friction that turns round within 1 ms: MuJoCo's 20 ms would show in every reversal of a servo axis."""
 
 
-def mjcf_text(twin: Twin, inverse: Inverse, step: float = 5e-4) -> bytes:
+def mjcf_files(twin: Twin, inverse: Inverse, stem: str) -> tuple[dict[str, bytes], list[str]]:
+    """Return the MJCF file and the module beside it by name, and what the two leave out, a line each."""
+    native, geometry = split(inverse.data), geometry_of(twin.machine.urdf, twin.machine.model)
+    out = [f"left out: {', '.join(native.inexpressible)}"] if native.inexpressible else []
+    files = {
+        f"{stem}.xml": _model(twin, inverse, native, geometry),
+        f"{stem}_passive.py": _passive(twin, native, stem, out).encode(),
+    }
+    odd = impossible_bodies(twin.model)
+    if odd:
+        out.append(f"MuJoCo balances the inertia of {', '.join(odd)}: what was identified cannot exist")
+    if geometry.lost:
+        out.append(
+            f"{geometry.lost} shapes are not drawn: MuJoCo reads meshes as STL and OBJ, and from a file"
+        )
+    return files, out
+
+
+def _model(twin: Twin, inverse: Inverse, native: Native, geometry: Geometry, step: float = 5e-4) -> bytes:
     """Return the text of the MJCF file, for a time step [s]."""
-    model, native = twin.model, split(inverse.data)
-    geometry = geometry_of(twin.machine.urdf, twin.machine.model)
+    model = twin.model
     compiler = {"angle": "radian", "autolimits": "true", "boundmass": "0", "fusestatic": "false"}
     if impossible_bodies(model):
         compiler["balanceinertia"] = "true"
@@ -100,9 +117,8 @@ def _motors(twin: Twin) -> list[_Attributes]:
     return out
 
 
-def passive_text(twin: Twin, inverse: Inverse, stem: str) -> str:
+def _passive(twin: Twin, native: Native, stem: str, left_out: list[str]) -> str:
     """Return the text of the module beside the MJCF file, whose name without its suffix is ``stem``."""
-    native = split(inverse.data)
     names = [""] * twin.machine.nv
     for part in twin.machine.parts:
         names[part.index] = part.joint
@@ -113,25 +129,8 @@ def passive_text(twin: Twin, inverse: Inverse, stem: str) -> str:
         "passive.txt",
         stem=stem,
         name=twin.machine.name,
-        left_out=left_out_lines(native),
+        left_out=left_out,
         runtime=core,
         data=literal(native.rest | {"joints": names, "whole": native.dry}),
         passive=own,
     )
-
-
-def left_out_lines(native: Native) -> list[str]:
-    """Return a line for what neither file can hold."""
-    return [f"left out: {', '.join(native.inexpressible)}"] if native.inexpressible else []
-
-
-def mjcf_lines(twin: Twin, inverse: Inverse) -> list[str]:
-    """Return what the two files leave out, a line each."""
-    lines = left_out_lines(split(inverse.data))
-    odd = impossible_bodies(twin.model)
-    if odd:
-        lines.append(f"MuJoCo balances the inertia of {', '.join(odd)}: what was identified cannot exist")
-    lost = geometry_of(twin.machine.urdf, twin.machine.model).lost
-    if lost:
-        lines.append(f"{lost} shapes are not drawn: MuJoCo reads meshes as STL and OBJ, and from a file")
-    return lines

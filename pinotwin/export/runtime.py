@@ -51,26 +51,13 @@ class Friction:
             self.bristle.append(np.sign(past) * (1.0 - np.exp(-abs(past) / row["x_s"])))
             self.where.append(float(q[row["joint"]]))
 
-    def state(self) -> tuple[Any, ...]:
+    def state(self) -> list[list[Any]]:
         """Return the memory, for :meth:`restore`."""
-        return (
-            list(self.turn),
-            list(self.before),
-            [list(b) for b in self.bend],
-            list(self.bristle),
-            list(self.where),
-        )
+        return [list(x) for x in (self.turn, self.before, self.bristle, self.where, *self.bend)]
 
-    def restore(self, state: tuple[Any, ...]) -> None:
+    def restore(self, state: list[list[Any]]) -> None:
         """Take back a memory."""
-        turn, before, bend, bristle, where = state
-        self.turn, self.before, self.bristle, self.where = (
-            list(turn),
-            list(before),
-            list(bristle),
-            list(where),
-        )
-        self.bend = [list(b) for b in bend]
+        self.turn, self.before, self.bristle, self.where, *self.bend = map(list, state)
 
     def effort(self, q: Any, v: Any, a: Any = None) -> Any:
         """Return the effort [N or N·m], shape (nv,), and move the memory of friction one sample on.

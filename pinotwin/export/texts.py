@@ -8,6 +8,7 @@ from pprint import pformat
 from textwrap import wrap
 from typing import Any
 
+from pinotwin.arrays import mapped
 from pinotwin.export.inverse import Inverse
 from pinotwin.system.templates import asset, environment
 from pinotwin.version import __version__
@@ -49,15 +50,8 @@ def runtime_text() -> str:
 
 def literal(value: Any) -> str:
     """Return numbers as a Python literal of few digits and many items a line."""
-    return pformat(_rounded(value), width=110, compact=True, sort_dicts=False)
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _rounded(x) for key, x in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(x) for x in value]
-    return float(f"{value:.10g}") if isinstance(value, float) else value
+    short = mapped(value, lambda x: float(f"{x:.10g}") if isinstance(x, float) else x)
+    return pformat(short, width=110, compact=True, sort_dicts=False)
 
 
 class _Curves:

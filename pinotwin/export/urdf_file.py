@@ -40,7 +40,8 @@ def dry_friction(model: pin.Model) -> Floats:
 
 def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     """Return what a URDF cannot hold, and how much of the effort that is."""
-    lost = [_rotor(twin)] if np.any(twin.model.armature) else []
+    rotors = [part.name for part in twin.machine.parts if twin.model.armature[part.index] != 0.0]
+    lost = [f"rotor inertia of {' '.join(rotors)}"] if rotors else []
     pull = twin.model.gravity.linear.tolist()
     lost += [] if tuple(pull) == GRAVITY else [f"gravity {pull} m/s²"]
     lost += _effects(twin, inverse)
@@ -50,20 +51,15 @@ def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     return [*lines, f"share of the twin's effort that it misses (RMS, a motion through the range): {shares}"]
 
 
-def _rotor(twin: Twin) -> str:
-    rotors = [part.name for part in twin.machine.parts if twin.model.armature[part.index] != 0.0]
-    return f"rotor inertia of {' '.join(rotors)}"
-
-
 def _effects(twin: Twin, inverse: Inverse) -> list[str]:
     """Return the keys of effects that damping and constant friction do not hold, or hold in part."""
     out = []
-    for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
+    for key, pair in zip(twin.keys, twin.pairs, strict=True):
+        effect = pair[0]
         if effect.axis is None or effect.causes[0] == "viscous":
             continue
         if effect.depends == "direction":
-            pairs = [(effect, twin.theta[s])]
-            tables = tabulate(twin.machine, pairs, inverse.travel, inverse.speed).lookup
+            tables = tabulate(twin.machine, [pair], inverse.travel, inverse.speed).lookup
             spread = np.ptp(np.abs(tables.dry))
             out += [f"{key} (its level at speed is kept)"] if spread > 1e-9 * np.abs(tables.dry).max() else []
         elif effect.depends == "displacement":

@@ -70,15 +70,14 @@ def offline_orientation(
     gyr: Floats,
     acc: Floats,
     rate: float,
-    bounds: Bounds | None = None,
     rule: rot.Rule = "mean",
 ) -> Floats:
     """Return quaternions (n, 4), sensor to earth, heading as at the start.
 
-    Arguments as of :func:`pinotwin.imu.orientation.orientation`; the default bounds suit hand-held and
+    Arguments as of :func:`pinotwin.imu.orientation.orientation`; the bounds suit hand-held and
     machine-mounted sensors.
     """
-    b = Bounds() if bounds is None else bounds
+    b = Bounds()
     m = max(1, round(b.block * rate))
     if len(gyr) < 3 * m:
         raise DataError(f"{len(gyr)} samples at {rate:.0f} Hz are too short for an orientation")

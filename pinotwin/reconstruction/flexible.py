@@ -7,8 +7,9 @@ of the data only: how far a friction law or a joint that is no linear spring mov
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,11 +45,7 @@ def identify_flexible(
     machine: Machine,
     logs: Log | Sequence[Log],
     vibrations: Vibration | Log | Sequence[Vibration | Log],
-    *,
-    validate: Sequence[Log] = (),
-    loop: bool = False,
-    cutoff: float | None = None,
-    report: Callable[[str, float], None] | None = None,
+    **options: Any,
 ) -> Flexible:
     """Identify a machine with the vibration of its passive joint.
 
@@ -56,10 +53,8 @@ def identify_flexible(
         machine: with one passive joint.
         logs: servo log(s).
         vibrations: the reconstruction that belongs to each.
-        validate: servo logs that hold ``<joint>.v``, to judge the open loop on.
-        loop: also identify the closed loops.
-        cutoff: corner of the zero-phase low-pass [Hz]; chosen from the data when None.
-        report: called with the stage and the share done.
+        options: of :func:`pinotwin.identify`; ``loop`` is False unless given, and logs to ``validate`` hold
+            ``<joint>.v``.
 
     Raises:
         DataError: logs and vibrations do not come in pairs.
@@ -70,15 +65,8 @@ def identify_flexible(
     if len(several) != len(given):
         raise DataError(f"{len(several)} logs and {len(given)} vibrations; give them in pairs")
     pairs = zip(several, given, strict=True)
-    twin = identify(
-        machine,
-        [with_vibration(log, v, row=True) for log, v in pairs],
-        validate=list(validate) or None,
-        loop=loop,
-        consistent=False,
-        cutoff=cutoff,
-        report=report,
-    )
+    joined = [with_vibration(log, v, row=True) for log, v in pairs]
+    twin = identify(machine, joined, **{"loop": False, "consistent": False, **options})
     joint = next(iter(machine.passive))
     k, c = (twin.parameter(f"{joint}.spring.{n}") for n in "kc")
     row = twin.quality["springs"][joint]

@@ -46,7 +46,8 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
         predict_readings(mine.piece.run, theirs.imu, found, other.batch.R_ST, place, theirs.found.clock, own)
         for found in (mine.found, still)
     ]
-    inside = _inside(theirs, mine)
+    at, t = theirs.found.clock.to_ref(theirs.imu.t), mine.piece.run.t
+    inside = np.isfinite(at) & (at > t[0] + 0.02) & (at < t[-1] - 0.02)  # the stamps of a prediction
     rate = 1.0 / float(np.median(np.diff(theirs.imu.t)))
     quiet = rest(theirs.imu.gyr, theirs.imu.acc, rate)
     out = []
@@ -67,12 +68,6 @@ def _noise(y: Floats, quiet: Mask, window: int = 40) -> float:
     if not still.any():
         return float("nan")
     return float(np.sqrt(np.quantile(np.var(windows[still], axis=1).mean(axis=1), 0.25)))
-
-
-def _inside(theirs: SensorRun, mine: SensorRun) -> Mask:
-    """Return the stamps that a prediction is made for: those well inside the servo's stretch."""
-    at, t = theirs.found.clock.to_ref(theirs.imu.t), mine.piece.run.t
-    return np.isfinite(at) & (at > t[0] + 0.02) & (at < t[-1] - 0.02)
 
 
 def _left(y: Floats, predicted: Floats) -> float:

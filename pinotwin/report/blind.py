@@ -37,8 +37,6 @@ def bench_page(d: Mapping[str, Any]) -> Page:
         "headline": _headline(d),
         "tiles_": tiles(_tile({r["name"]: r for r in d["scores"]}[name]) for name in FIRST),
         "scores": d["scores"],
-        "figure": _figure,
-        "counts": _counts,
         "states": STATES,
         "confusion": matrix_figure(d["confusion"]) if d["confusion"] else None,
         "calibration": found,
@@ -62,18 +60,7 @@ def _headline(d: Mapping[str, Any]) -> str:
 
 def _tile(row: Mapping[str, Any]) -> Tile:
     words, kind = STATES.get(row["state"], ("", ""))
-    return Tile(row["name"], _figure(row), f"{_counts(row)}; must {row['must']}", words, kind)
-
-
-def _figure(row: Mapping[str, Any]) -> str:
-    if row["value"] is None:
-        return "–"
-    return f"{row['value']:.1%}" if row["kind"] == "share" else f"{row['value']:.3f}"
-
-
-def _counts(row: Mapping[str, Any]) -> str:
-    share = row["share"]
-    return f"{share['hits']}/{share['of']}" if share else f"N = {row['count']}"
+    return Tile(row["name"], row["figure"], f"{row['counts']}; must {row['must']}", words, kind)
 
 
 LAST = ("none", "unexplained", "partly_explained", "explained", "unknown", "error")
@@ -88,7 +75,7 @@ def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
     columns += sorted(names - set(columns) - set(LAST)) + [k for k in LAST if k in names]
     z = np.array([[matrix[r].get(c, 0.0) for c in columns] for r in rows], dtype=float)
     share = z / np.maximum(z.sum(axis=1, keepdims=True), 1e-12)
-    text = [[_cell(v) for v in row] for row in z]
+    text = [[f"{v:.0f}" if v else "" for v in row] for row in z]
     figure = go.Figure(
         go.Heatmap(
             x=columns,
@@ -111,12 +98,6 @@ def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
     figure.update_xaxes(side="top", showgrid=False, tickangle=-50, type="category")
     figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
     return figure
-
-
-def _cell(value: float) -> str:
-    if value <= 0.0:
-        return ""
-    return f"{value:.0f}" if float(value).is_integer() else f"{value:.2f}"
 
 
 def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:

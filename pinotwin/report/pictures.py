@@ -15,6 +15,7 @@ import plotly.graph_objects as go
 
 from pinotwin.analysis.comparison import Comparison
 from pinotwin.analysis.diagnoses import Diagnoses
+from pinotwin.arrays import mapped
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
@@ -44,17 +45,13 @@ def plot(result: Any, *given: Any) -> go.Figure:
     drawn = figure(result, *given)
     for trace in drawn.data:
         looks = {k: trace[k] for k in ("line", "marker") if k in trace}
-        trace.update({k: _literal(look.to_plotly_json()) for k, look in looks.items()})
-    return drawn.update_layout(_literal(drawn.layout.to_plotly_json()))
+        trace.update({k: mapped(look.to_plotly_json(), _literal) for k, look in looks.items()})
+    return drawn.update_layout(mapped(drawn.layout.to_plotly_json(), _literal))
 
 
-def _literal(part: Any) -> Any:
-    """Return a part of a figure with the colours of the style sheet written out."""
-    if isinstance(part, str):
-        return re.sub(r"var\(--(\w+)\)", lambda m: THEME[m[1]], part)
-    if isinstance(part, dict):
-        return {key: _literal(x) for key, x in part.items()}
-    return [_literal(x) for x in part] if isinstance(part, list | tuple) else part
+def _literal(value: Any) -> Any:
+    """Return a value of a figure, a text with the colours of the style sheet written out."""
+    return re.sub(r"var\(--(\w+)\)", lambda m: THEME[m[1]], value) if isinstance(value, str) else value
 
 
 def report(result: Any, path: Path, *given: Any) -> Path:

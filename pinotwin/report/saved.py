@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pinotwin.diagnosis.result import Diagnosis
-from pinotwin.effects import Effect, given
+from pinotwin.effects import given
 from pinotwin.errors import PinotwinError
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import machine_of
@@ -52,13 +52,9 @@ def save_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = N
 
 def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> str:
     """Return the page of a diagnosis, its own logs and effects at hand."""
-    with given(type(e) for e in own_effects(found)):
+    named = (*found.effects, *found.possible)
+    with given(type(e.listed) for e in named if e.listed is not None):  # whoever wrote them
         return diagnosis_report(found, found.logs, found.validation, files=tuple(files))
-
-
-def own_effects(found: Diagnosis) -> list[Effect]:
-    """Return the effects that a diagnosis names, whoever wrote them."""
-    return [e.listed for e in (*found.effects, *found.possible) if e.listed is not None]
 
 
 def dated(found: Diagnosis) -> Diagnosis:

@@ -122,7 +122,8 @@ def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tupl
 
 def _measured(machine: Machine) -> set[str]:
     """Return the channels beside those of a command: what was measured need not be in the log."""
-    return {k for k in machine.columns if not (k == "t" or k.endswith(".qr") or _is_load(k))}
+    needed = ("t", "qr", *LOAD_SIGNALS)
+    return {k for k in machine.columns if k.rsplit(".", 1)[-1] not in needed}
 
 
 def _commands_hint(machine: Machine, held: Iterable[str], name: str) -> str:
@@ -207,10 +208,6 @@ def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats, b
             if len(rows):
                 total[rows] += external_effort(machine.model, link, q[rows], wrench[rows])
     return total
-
-
-def _is_load(channel: str) -> bool:
-    return channel.rsplit(".", 1)[-1] in LOAD_SIGNALS
 
 
 def beginning(

@@ -12,7 +12,6 @@ from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
-from pinotwin.machine import Machine
 from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
 from pinotwin.simulation.tables import Tables, tabulate
 from pinotwin.twin.open_loop import OpenLoop
@@ -81,25 +80,21 @@ class Plant:
 def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
     """Return an identified plant laid out for stepping, for the travel and speeds of a command, shape (n, nv)."""
     machine = plant.machine
-    pairs = [(e, plant.theta[s]) for e, s in zip(plant.effects, plant.slices, strict=True)]
     low, high = qr.min(axis=0), qr.max(axis=0)
     some = np.where(machine.rotary, 0.2, 0.02)
     margin = 0.25 * (high - low) + some
     speed = 2.0 * np.abs(vr).max(axis=0) + some
-    tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
-    other = tuple(pairs[k] for k in tables.other if pairs[k][0].mode() is None)
-    modes = tuple(_mode(machine, *pair) for pair in pairs if pair[0].mode() is not None)
-    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in _TERMS])
+    tables = tabulate(machine, plant.pairs, np.stack([low - margin, high + margin]), speed)
+    other = tuple(plant.pairs[k] for k in tables.other if plant.effects[k].mode() is None)
+    modes = tuple(
+        (machine.names.index(str(effect.axis)), float(theta[0]), *mode)
+        for effect, theta in plant.pairs
+        if (mode := effect.mode()) is not None
+    )
+    terms = ("inertia", "viscous", "stiffness")
+    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in terms])
     ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
     return Plant(_tape(plant, tables), tables.lookup, other, modes, diagonal, margin, ground)
-
-
-def _mode(machine: Machine, effect: Effect, theta: Floats) -> tuple[int, float, float, float]:
-    frequency, damping = effect.mode() or (0.0, 0.0)
-    return machine.names.index(str(effect.axis)), float(theta[0]), frequency, damping
-
-
-_TERMS = ("inertia", "viscous", "stiffness")
 
 
 def _tape(plant: OpenLoop, tables: Tables) -> Tape:

@@ -219,7 +219,7 @@ def _repeat(run: _Run, out: Response, passes: int = 40) -> tuple[Response, tuple
     changes: list[Floats] = []
     names = ", ".join(sorted({effect.name for effect, _ in other}))
     for _ in range(passes):
-        update = _effort(other, twin.scene(as_motion(twin, out.request, out)))
+        update = _effort(other, twin.scene(as_motion(twin, out)))
         change = float(np.linalg.norm(update - extra) / max(float(np.linalg.norm(update)), 1e-300))
         if change <= 1e-3:
             return out, ()
@@ -253,30 +253,31 @@ def wide_loops(twin: Twin) -> dict[str, LoopModel]:
     return {name: LoopModel.from_dict(model) for name, model in kept.items() if model}
 
 
-def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
+def as_motion(twin: Twin, found: Response) -> Motion:
     """Return a response as a motion, so that effects can be evaluated on it."""
-    n = len(found.q)
-    external = asked.external
+    asked = found.request
+    return _along(twin, asked, found.q, found.v, found.a, u=found.u, qr=asked.qr, vr=asked.vr)
+
+
+def _along(twin: Twin, asked: Request, *state: Floats, **more: Floats) -> Motion:
+    """Return positions, velocities and accelerations (n, nv) at the rows of a command as a motion."""
     return Motion.exact(
         (twin.machine.names, twin.machine.rotary),
         asked.clock,
-        *(found.q, found.v, found.a),
-        u=found.u,
+        *state,
         step=asked.step,
-        qr=asked.qr,
-        vr=asked.vr,
-        external=external if len(external) == n else None,
+        external=asked.external if len(asked.external) == len(asked.clock) else None,
         source=asked.source,
+        **more,
     )
 
 
 def _logged(twin: Twin, out: Response) -> Response:
     """Return a response with the effort as the twin's effort channel logs it: late, or off by a factor."""
-    pairs = zip(twin.effects, twin.slices, strict=True)
-    wrong = tuple((e, twin.theta[s]) for e, s in pairs if e.logged_effort)
+    wrong = tuple(pair for pair in twin.pairs if pair[0].logged_effort)
     if not wrong:
         return out
-    return replace(out, u=out.u + _effort(wrong, twin.scene(as_motion(twin, out.request, out))))
+    return replace(out, u=out.u + _effort(wrong, twin.scene(as_motion(twin, out))))
 
 
 def _effort(effects: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
@@ -383,16 +384,7 @@ def feedforward(twin: Twin, log: Log) -> Log:
     """
     asked = request(twin.machine, log)
     a = np.stack([scipy.interpolate.CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
-    n = len(asked.clock)
-    motion = Motion.exact(
-        (twin.machine.names, twin.machine.rotary),
-        asked.clock,
-        *(asked.qr, asked.vr, a),
-        step=asked.step,
-        external=asked.external if len(asked.external) == n else None,
-        source=asked.source,
-    )
-    effort = asked.at_stamps(twin.effort(motion))
+    effort = asked.at_stamps(twin.effort(_along(twin, asked, asked.qr, asked.vr, a)))
     zero = np.zeros_like(effort)
     u = motor_coordinates(twin.machine, zero, zero, effort)[2]
     channels = {"t": asked.t, **{f"{k}.u": u[:, x.index] for k, x in twin.machine.axes.items()}}

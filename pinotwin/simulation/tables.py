@@ -107,7 +107,7 @@ def _positions(
     """Return the position tables of all joints, where each is, and its grid."""
     tables, grid = [], np.zeros((machine.nv, 2))
     for i in range(machine.nv):
-        own = _of(machine, effects, i)
+        own = [x for x in effects if x[0].axis == machine.names[i]]
         efforts = [partial(_effort, machine, e, theta, i) for e, theta in own]
         values, (start, spacing) = _dense(efforts, [e for e, _ in own], travel[:, i])
         tables.append(values)
@@ -118,11 +118,6 @@ def _positions(
 
 
 _Effort = Callable[..., Floats]
-
-
-def _of(machine: Machine, effects: Sequence[tuple[Effect, Floats]], i: int) -> list[tuple[Effect, Floats]]:
-    """Return the effects of one joint."""
-    return [x for x in effects if x[0].axis is not None and machine.names.index(x[0].axis) == i]
 
 
 def _effort(
@@ -136,24 +131,18 @@ def _effort(
     a: Floats | None = None,
 ) -> Floats:
     """Return the effort of an effect on joint i for made-up samples, shape (n,)."""
-    n = max(len(x) for x in (q, v, a) if x is not None)
+    given = {k: x for k, x in enumerate((q, v, a)) if x is not None}
+    n = max(map(len, given.values()))
     out = np.empty(n)
     for start in range(0, n, 20000):  # the columns of a table are wide
-        rows = slice(start, start + 20000)
-        given = [None if x is None else x[rows] for x in (q, v, a)]
-        out[rows] = effect.columns(_motion(machine, i, given)).effort(theta, machine.nv)[:, i]
+        rows = slice(start, min(start + 20000, n))
+        state = np.zeros((3, rows.stop - start, machine.nv))
+        for k, x in given.items():
+            state[k, :, i] = x[rows]
+        t = np.arange(float(rows.stop - start))
+        motion = Motion.exact((machine.names, machine.rotary), t, *state, step=1.0)
+        out[rows] = effect.columns(motion).effort(theta, machine.nv)[:, i]
     return out
-
-
-def _motion(machine: Machine, i: int, given: Sequence[Floats | None]) -> Motion:
-    n = max(len(x) for x in given if x is not None)
-    parts = []
-    for x in given:
-        values = np.zeros((n, machine.nv))
-        if x is not None:
-            values[:, i] = x
-        parts.append(values)
-    return Motion.exact((machine.names, machine.rotary), np.arange(n, dtype=float), *parts, step=1.0)
 
 
 def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats) -> tuple[Floats, Floats]:

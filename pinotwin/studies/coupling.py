@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag, qr
+from scipy.linalg import block_diag
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import AxisEffect, Effect
@@ -104,7 +104,7 @@ def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect
 
 
 def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:
-    """Return the tree's independent columns at one joint, all others standing at their median."""
+    """Return the tree's columns that are not zero at one joint, all others standing at their median."""
     q = np.broadcast_to(np.median(motion.q, axis=0), motion.q.shape).copy()
     v, a = np.zeros_like(q), np.zeros_like(q)
     for still, moving in ((q, motion.q), (v, motion.v), (a, motion.a)):
@@ -114,14 +114,4 @@ def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:
         rows = slice(start, start + 20_000)
         values = machine.base.regressor(machine.model, q[rows], v[rows], a[rows])
         out[rows] = values[:, joint]
-    some = out[:: max(len(out) // 2000, 1)]
-    _, R, pivot = qr(some / _unit(some), mode="economic", pivoting=True)
-    size = np.abs(np.diag(R))
-    kept = np.sort(pivot[: len(size)][size > 1e-8 * size.max(initial=1e-300)])
-    return thin(motion, out[:, kept])
-
-
-def _unit(columns: Floats) -> Floats:
-    """Return the columns' lengths; those of rounding size count as one, so that they stay small."""
-    length = np.linalg.norm(columns, axis=0)
-    return np.where(length > 1e-12 * length.max(initial=1e-300), length, 1.0 + length.max(initial=0.0))
+    return thin(motion, out[:, out.any(axis=0)])

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from pinotwin.analysis.disturbance import rigid_effort
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 from pinotwin.identification.assemble import choose_rows, thin
@@ -77,7 +76,9 @@ def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
     motion = given if isinstance(given, Motion) else prepare(twin.machine, given, **twin.settings)
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
-    parts = {key: thin(motion, part) for key, part in _parts(twin, motion).items()}
+    u = thin(motion, np.nan_to_num(motion.u))
+    u[:, [j for j in range(u.shape[1]) if j not in rows.joints]] = np.nan
+    parts = {key: thin(motion, part) for key, part in twin.parts(motion).items()}
     if motion.external is not None:
         parts["external_force"] = -thin(motion, motion.external)
     return Evidence(
@@ -89,19 +90,12 @@ def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
         q=motion.q[pick],
         v=motion.v[pick],
         a=motion.a[pick],
-        u=_thin_effort(motion, rows.joints),
+        u=u,
         parts=parts,
         use=motion.use[pick],
         rate=1.0 / (motion.step * step),
         source=motion.source,
     )
-
-
-def _thin_effort(motion: Motion, joints: Sequence[int]) -> Floats:
-    u = thin(motion, np.nan_to_num(motion.u))
-    missing = [j for j in range(u.shape[1]) if j not in joints]
-    u[:, missing] = np.nan
-    return u
 
 
 def _running(t: Floats, block: Ints, step: float) -> Floats:
@@ -113,19 +107,6 @@ def _running(t: Floats, block: Ints, step: float) -> Floats:
     return out
 
 
-def _parts(twin: Twin, motion: Motion) -> dict[str, Floats]:
-    """Return the effort of each effect at every sample; the tree's without its regressor."""
-    nv, motion = twin.machine.nv, twin.scene(motion)
-    out = {}
-    for key, effect, where in zip(twin.keys, twin.effects, twin.slices, strict=True):
-        theta = twin.theta[where]
-        if effect.axis is None:
-            out[key] = rigid_effort(twin, motion.q, motion.v, motion.a)
-        else:
-            out[key] = effect.columns(motion).effort(theta, nv)
-    return out
-
-
 def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
     """Return the evidence with ``rigid_body`` as ``inertia``, ``gravity`` and ``coupling``.
 
@@ -134,12 +115,12 @@ def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
     """
     q, v, a = given.q, given.v, given.a
     zero = np.zeros_like(q)
-    gravity = rigid_effort(twin, q, zero, zero)
-    coupling = rigid_effort(twin, q, v, a) - gravity
+    gravity = twin.rigid_effort(q, zero, zero)
+    coupling = twin.rigid_effort(q, v, a) - gravity
     for j in range(q.shape[1]):
         alone = zero.copy()
         alone[:, j] = a[:, j]
-        coupling[:, j] -= rigid_effort(twin, q, zero, alone)[:, j] - gravity[:, j]
+        coupling[:, j] -= twin.rigid_effort(q, zero, alone)[:, j] - gravity[:, j]
     rest = {key: part for key, part in given.parts.items() if key != "rigid_body"}
     inertia = given.parts["rigid_body"] - gravity - coupling
     return replace(given, parts={"inertia": inertia, "gravity": gravity, "coupling": coupling, **rest})

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
-from pinotwin.effects.layout import effect_keys, effect_slices
+from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
 from pinotwin.effects.scene import with_model
 from pinotwin.errors import InputError, TwinError, require
 from pinotwin.machine import Machine
@@ -58,6 +58,11 @@ class OpenLoop:
         return effect_slices(self.effects)
 
     @cached_property
+    def pairs(self) -> tuple[tuple[Effect, Floats], ...]:
+        """Every effect with its coefficients."""
+        return tuple((e, self.theta[s]) for e, s in zip(self.effects, self.slices, strict=True))
+
+    @cached_property
     def model(self) -> pin.Model:
         """Pinocchio model with the identified inertias, rotor inertias (``armature``), ``damping`` and dry friction.
 
@@ -67,13 +72,13 @@ class OpenLoop:
         model = with_parameters(self.machine.model, self.pi)
         nv = self.machine.nv
         damping, level = np.zeros(nv), {way: np.zeros(nv) for way in (1.0, -1.0)}
-        for effect, s in zip(self.effects, self.slices, strict=True):
+        for effect, theta in self.pairs:
             viscous = [cause == "viscous" for cause in effect.causes]
             if effect.axis is not None and any(viscous):
-                damping[self.machine.names.index(effect.axis)] += float(np.sum(self.theta[s] * viscous))
+                damping[self.machine.names.index(effect.axis)] += float(np.sum(theta * viscous))
             elif effect.depends in ("direction", "displacement"):
                 for way, total in level.items():
-                    total += effect.columns(_sliding(self.machine, way)).effort(self.theta[s], nv)[-1]
+                    total += effect.columns(_sliding(self.machine, way)).effort(theta, nv)[-1]
         model.damping = np.maximum(damping, 0.0)
         model.upperDryFrictionLimit = np.maximum(level[1.0], 0.0)
         model.lowerDryFrictionLimit = np.minimum(level[-1.0], 0.0)
@@ -108,12 +113,19 @@ class OpenLoop:
 
     def parts(self, motion: Motion) -> dict[str, Floats]:
         """Return the effort of each effect, key -> (n, nv) [N or N·m]."""
-        nv = self.machine.nv
-        motion = self.scene(motion)
-        return {
-            key: effect.columns(motion).effort(self.theta[s], nv)
-            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True)
-        }
+        nv, motion = self.machine.nv, self.scene(motion)
+        out = {}
+        for key, (effect, theta) in zip(self.keys, self.pairs, strict=True):
+            if effect.axis is None:
+                out[key] = self.rigid_effort(motion.q, motion.v, motion.a)
+            else:
+                out[key] = effect.columns(motion).effort(theta, nv)
+        return out
+
+    def rigid_effort(self, q: Floats, v: Floats, a: Floats) -> Floats:
+        """Return the effort of the tree along positions, velocities and accelerations, all (n, nv)."""
+        tree, where = rigid_body_of(self.effects)
+        return tree.effort(self.theta[where], q, v, a)
 
     def effort(self, motion: Motion) -> Floats:
         """Return the motor effort that this motion takes, shape (n, nv) [N or N·m]."""

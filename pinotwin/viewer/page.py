@@ -20,6 +20,8 @@ from typing import Any
 import meshcat
 import umsgpack
 
+from pinotwin.arrays import mapped
+
 _SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 
 
@@ -54,7 +56,7 @@ class Page:
         pool, held, known = bytearray(), dict[bytes, list[int]](), dict[str, str]()
         commands = []
         for message in self.messages.values():
-            packed, at, pieces = umsgpack.packb(_numbered(message, known)), 0, []
+            packed, at, pieces = umsgpack.packb(mapped(message, lambda x: _numbered(x, known))), 0, []
             for array in _arrays(message):
                 begin = packed.index(array, at)
                 pieces += [packed[at:begin], array]
@@ -90,11 +92,7 @@ _UUID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 def _numbered(value: Any, known: dict[str, str]) -> Any:
-    """Return a message with every UUID replaced by the number of its first appearance."""
-    if isinstance(value, dict):
-        return {key: _numbered(x, known) for key, x in value.items()}
-    if isinstance(value, list | tuple):
-        return [_numbered(x, known) for x in value]
+    """Return a text, but for a UUID the number of its first appearance."""
     if isinstance(value, str) and _UUID.fullmatch(value):
         return known.setdefault(value, f"00000000-0000-0000-0000-{len(known) + 1:012x}")
     return value

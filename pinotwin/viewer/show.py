@@ -95,7 +95,7 @@ def view(
         InputError: a log, a machine or a posture is not understood; the message says which.
     """
     machine, twin = _subject(subject)
-    named = _posture(machine, posture)
+    named = posture_of(machine, posture)
     q = machine.posture(named)
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     drawn = draw(machine.model, visual, q, frames=frames, masses=frames, name=machine.name)
@@ -121,7 +121,8 @@ def _subject(subject: Subject) -> tuple[Machine, Twin | None]:
     return (found.machine, found) if isinstance(found, Twin) else (found, None)
 
 
-def _posture(machine: Machine, posture: str | Mapping[str, float] | None) -> Mapping[str, float]:
+def posture_of(machine: Machine, posture: str | Mapping[str, float] | None) -> Mapping[str, float]:
+    """Return axis -> position [m or rad], also of a text; see :func:`view`."""
     if isinstance(posture, str):
         return parse_posture(posture, dict(zip(machine.names, machine.rotary, strict=True)))
     return posture or {}
