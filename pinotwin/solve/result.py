@@ -33,8 +33,8 @@ class LinearFit:
         active: parameters that sit on a bound, shape (p,).
         lower: bounds, shape (p,), -inf for none.
         upper: bounds, shape (p,), inf for none.
-        factor: R of the rows divided by sigma, shape (p, p).
-        right: z with || R theta - z || the weighted residual up to a constant, shape (p,).
+        factor: R of the rows divided by sigma, those of a ridge below, shape (k, p).
+        right: z with || R theta - z || the weighted residual up to a constant, shape (k,).
         lags: bandwidth of the covariance, in slots of the time axis.
     """
 
