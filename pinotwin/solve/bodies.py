@@ -26,7 +26,7 @@ from pinotwin.dynamics.pseudoinertia import BASIS, pseudo_inertia
 from pinotwin.solve.tsqr import r_factor
 
 HOLD = 1e-6
-"""Share of the data's information, or of the URDF's, that holds a coefficient, or a rotor, which nothing else tells."""
+"""Share of the data's information that holds a coefficient where nothing else tells it."""
 SETTLED, SHORT = 1e-8, 1e-10
 """Gain [squared standard deviations] and length of a Newton step from which the search has ended."""
 SEEN = 1e-9
@@ -178,22 +178,15 @@ class _Problem:
         kept[evidence.beta] = bodies.P @ np.where(told, 0.0, pi)
         hold = np.sqrt(HOLD) * np.linalg.norm(evidence.factor[:, free], axis=0)
         hold = np.where(hold > 0.0, hold, 1.0)
-        rotor = pi[at[10 * len(seen) :]]
-        inertias = np.append(pi[:last].reshape(-1, 10)[:, [4, 6, 9]].sum(axis=1) / 20.0, 0.0)
-        loose = np.sqrt(HOLD * weight) / np.maximum(rotor, max(float(np.median(inertias)), 1e-9))
         root = np.linalg.cholesky(np.linalg.inv(pseudo_inertia(pi[:last].reshape(-1, 10)[seen])))
         metric = np.sqrt(weight) * _congruent(root.swapaxes(1, 2))
-        k, n = len(free), len(at)
-        rows = [
-            [evidence.factor[:, free], columns[:, at], (evidence.right - evidence.factor @ kept)[:, None]],
-            [np.diag(hold), np.zeros((k, n)), (hold * theta[free])[:, None]],
-            [
-                np.zeros((n, k)),
-                _diagonal([*metric, np.diag(loose)]),
-                np.append(np.zeros(10 * len(seen)), loose * rotor)[:, None],
-            ],
-        ]
-        R = r_factor(np.block(rows))
+        data = np.column_stack(
+            [evidence.factor[:, free], columns[:, at], evidence.right - evidence.factor @ kept]
+        )
+        rows = np.zeros((len(free) + 10 * len(seen), data.shape[1]))
+        rows[: len(free), : len(free)], rows[: len(free), -1] = np.diag(hold), hold * theta[free]
+        rows[len(free) :, len(free) : len(free) + 10 * len(seen)] = _diagonal(metric)
+        R = r_factor(np.concatenate([data, rows]))
         return cls(bodies, weight, theta, evidence.beta, free, seen, at, metric, R)
 
     def solved(self, start: Near | None) -> Near:
@@ -204,22 +197,18 @@ class _Problem:
         while True:
             barrier, level = self._barrier(x)
             F = np.concatenate([R, barrier])
-            unit = 1.0 / np.linalg.norm(F, axis=0)
-            whole = r_factor(np.column_stack([F * unit, np.append(z - R @ x, level)]))
-            T, t, dx = whole[:-1, :-1], whole[:-1, -1], np.zeros(len(x))
+            whole = r_factor(np.column_stack([F, np.append(z, level + barrier @ x)]))
+            T, t, new = whole[:-1, :-1], whole[:-1, -1], np.zeros(len(x))
             if len(x) > bodies.stop:
-                now = x[rotors] / unit[rotors]
-                dx[rotors] = (
-                    scipy.optimize.nnls(T[rotors, rotors], t[rotors] + T[rotors, rotors] @ now)[0] - now
-                )
-            known = t[bodies] - T[bodies, rotors] @ dx[rotors]
-            dx[bodies] = scipy.linalg.solve_triangular(T[bodies, bodies], known)
-            gain, value, step = float(t @ T @ dx), self._value(x), 1.0
+                new[rotors] = scipy.optimize.nnls(T[rotors, rotors], t[rotors])[0]
+            known = t[bodies] - T[bodies, rotors] @ new[rotors]
+            new[bodies] = scipy.linalg.solve_triangular(T[bodies, bodies], known)
+            gain, value, step = float((t - T @ x) @ T @ (new - x)), self._value(x), 1.0
             while gain > SETTLED and step > SHORT:
-                if self._value(x + step * unit * dx) < value - 1e-4 * step * gain:
+                if self._value(x + step * (new - x)) < value - 1e-4 * step * gain:
                     break
                 step /= 2.0
-            x = x + step * unit * dx
+            x = x + step * (new - x)
             if gain <= SETTLED or step <= SHORT:
                 return self._near(x, F)
 
