@@ -22,16 +22,10 @@ from pinotwin.solve.sandwich import bartlett
 def near_urdf(
     machine: Machine, plant: Plant, known: CrossValidated, settings: Settings
 ) -> tuple[Plant, dict[str, Any]]:
-    """Return the plant with bodies near the URDF's, and what they cost.
+    """Return the plant with bodies near the URDF's, and what they cost on rows predicted part by part.
 
     The price is the error on held-out rows over that of the plant as given, and over the least at any weight of the
     URDF: what bodies that can exist cannot explain is an effect that is missing, or a wrong URDF.
-
-    Args:
-        machine: whose URDF it is.
-        plant: the fit without it.
-        known: its rows, predicted part by part.
-        settings: how many rows the URDF counts as.
     """
     (bodies, dummy), fit = bodies_of(machine), plant.fit
     rigid = rigid_body_of(plant.effects)[1]
@@ -89,12 +83,7 @@ def body_rows(
 ) -> tuple[dict[str, Any], ...]:
     """Return one row a body: its mass, the URDF's, whose it is and, where the logs tell it, its interval [kg].
 
-    Args:
-        machine: whose bodies they are.
-        found: their parameters.
-        dummy: bodies that the URDF does not describe.
-        rows: that tell as much as one independent row.
-        settings: from which share on the mass is the URDF's.
+    ``rows`` of the fit tell as much as one independent row.
     """
     out = []
     urdf = parameters(machine.model)

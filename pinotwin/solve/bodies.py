@@ -13,7 +13,6 @@ that would leave their bounds end there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -37,12 +36,9 @@ TWICE = np.where(TRIANGLE[0] == TRIANGLE[1], 1.0, np.sqrt(2.0))
 
 @dataclass(frozen=True)
 class Bodies:
-    """The standard parameters before the data: ten of each of ``count`` bodies, then rotor inertias.
+    """The standard parameters before the data, pi0 (p_std,): ten of each body, which can exist, then rotor inertias.
 
-    Attributes:
-        P: matrix of the base parameters, beta = P pi, shape (b, p_std).
-        pi0: of bodies that can exist, shape (p_std,).
-        count: number of bodies.
+    P of shape (b, p_std) makes base parameters of them, beta = P pi; ``count`` is the number of bodies.
     """
 
     P: Floats
@@ -118,14 +114,7 @@ class Near:
 
 
 def near(evidence: Evidence, bodies: Bodies, weight: float, start: Near | None = None) -> Near:
-    """Return the parameters of least error and distance from the URDF.
-
-    Args:
-        evidence: what the data tell.
-        bodies: what the URDF does.
-        weight: g, the number of independent rows as which the URDF counts.
-        start: those of a similar problem; the URDF's where None.
-    """
+    """Return the parameters of least error and distance from the URDF, which weighs g; the search may have a start."""
     theta = np.clip(evidence.theta, evidence.lower, evidence.upper)
     stays = (theta <= evidence.lower) | (theta >= evidence.upper)
     stays[evidence.beta] = True
@@ -244,9 +233,10 @@ class _Problem:
         return Near(pi, theta, self.bodies.count, self.at, F, pull)
 
 
-def _diagonal(blocks: Iterable[Floats]) -> Floats:
-    """Return a block-diagonal matrix, (0, 0) of no blocks."""
-    return np.asarray(scipy.linalg.block_diag(np.zeros((0, 0)), *blocks))
+def _diagonal(blocks: Floats) -> Floats:
+    """Return the block-diagonal matrix of blocks, (n, a, b) to (n a, n b)."""
+    n, a, b = blocks.shape
+    return (np.eye(n)[:, None, :, None] * blocks[:, :, None]).reshape(n * a, n * b)
 
 
 def _congruent(C: Floats) -> Floats:
