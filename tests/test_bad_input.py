@@ -450,7 +450,8 @@ def test_what_an_axis_does_not_tell_is_not_determined(
         assert "not determined" in row["verdict"]
     inertia = found["rigid_body.Iyy_jb*"]
     assert inertia["determined"] is False
-    assert inertia["value"] == pytest.approx(inertia["prior"])  # what CAD said, and said so
+    # What CAD said, and said so; the other axis tells the sum of the masses, and a body's inertia follows its mass.
+    assert inertia["value"] == pytest.approx(inertia["prior"], rel=0.003)
     assert found["rigid_body.m_jx*"]["determined"]
 
 

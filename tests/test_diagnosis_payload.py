@@ -11,13 +11,13 @@ from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes, possible, undetermined
 from pinotwin.diagnosis.payload import found_body, loaded_twin, physical
+from pinotwin.dynamics.pseudoinertia import pseudo_inertia
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.signals import rms
-from pinotwin.solve.pseudoinertia import pseudo_inertia
 
 LAST = "lwr_6"
 KILOGRAM = pin.Inertia(1.0, np.array([0.0, 0.0, 0.05]), np.zeros((3, 3)))

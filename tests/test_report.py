@@ -21,7 +21,7 @@ from pinotwin.report.blocks import notes, paragraph, table
 from pinotwin.report.display import number, percent, rounded, scale_of
 from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
-from pinotwin.report.verdict import cautions, headline
+from pinotwin.report.verdict import bodies, cautions, headline
 from pinotwin.twin import Parameter, Twin
 from tests.test_studies import identified, recorded, trunnion
 
@@ -191,13 +191,41 @@ def test_cautions_carry_warnings_open_parameters_and_colour() -> None:
     quality = {
         "axes": {"Y": {"lag1": 0.9}, "A": {"lag1": 0.0}},
         "warnings": ["mind the gap"],
-        "consistency": {"moved": True, "cost_ratio": 1.25},
     }
     lines = cautions(replace(twin, quality=quality))
     assert lines[0] == "mind the gap"
     assert any("parameters are not determined by these data" in line for line in lines)
     assert any(line.startswith("The residual of Y is not white") for line in lines)
-    assert any("costs 25 % more" in line for line in lines)
+
+
+def test_bodies_say_whose_their_mass_is_and_what_they_cost() -> None:
+    twin, log = identified()
+    row = {
+        "joint": "Y",
+        "mass": 50.04,
+        "urdf": 45.0,
+        "share": 0.1,
+        "source": "log",
+        "interval95": [48.04, 52.04],
+    }
+    rows = (
+        row,
+        {**row, "joint": "A", "share": 0.9, "source": "URDF", "interval95": None},
+        {**row, "joint": "C", "source": "rod", "interval95": None},
+    )
+    price = {"unseen_over_free": 1.25, "unseen_over_best": 1.01}
+    told = replace(twin, bodies=rows, quality={**twin.quality, "consistency": price})
+    _, cells, said = bodies(told)
+    assert cells[0] == ["Y", "50 ± 2", "45", "0.10", "the log"]
+    assert cells[1] == ["A", "50", "45", "0.90", "the URDF"]
+    assert cells[2][2:] == ["dummy", "0.10", "nobody: not identified"]
+    assert said == [
+        "unseen error 1.250 of that without bodies",
+        "unseen error 1.010 of that of the best bodies",
+    ]
+    page = identification_report(told, log)
+    assert all(text in page for text in (*cells[0], *said))
+    assert "Bodies" not in identification_report(replace(twin, bodies=()), log)
 
 
 def test_long_tables_are_folded() -> None:

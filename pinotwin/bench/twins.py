@@ -7,7 +7,6 @@ from pathlib import Path
 
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
-from pinotwin.errors import DataError
 from pinotwin.twin import Twin
 
 
@@ -26,12 +25,7 @@ def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Pat
         seeds = [10 * seed + k for k in range(2)]
         logs = [well.record(path_of(machine, seconds, 1000 + k), seed=500 + k).to_log() for k in seeds]
         public = public_machine(machine)
-        try:
-            twin = identify(public, logs, loop=False)
-        except DataError:
-            # No consistent inertias were found: the same dynamics without that demand will do here.
-            twin = identify(public, logs, loop=False, consistent=False)
-        twin.save(target)
+        identify(public, logs, loop=False).save(target)
     return target
 
 

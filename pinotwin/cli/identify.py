@@ -118,6 +118,8 @@ def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
 
 def summary(twin: Twin) -> list[str]:
     """Return the few lines that a user wants to see first."""
+    from pinotwin.report.verdict import bodies
+
     quality = twin.quality
     lines = [
         f"{twin.machine.name}: {len(twin.theta)} linear and "
@@ -135,6 +137,8 @@ def summary(twin: Twin) -> list[str]:
     lines.append("fit, held out: RMS error / RMS effort; of std: over its standard deviation")
     if sizes:
         lines.append("in motion, at rest: RMS residual on held-out data, moving and at standstill")
+    head, rows, cost = bodies(twin)
+    lines += [*(columns(head, rows) if rows else ()), *cost]
     lines += _leads(quality)
     for warning in [*quality.get("preparation", ()), *quality["warnings"]]:
         lines.append(f"note: {warning}")

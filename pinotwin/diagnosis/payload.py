@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, with_parameters
-from pinotwin.solve.pseudoinertia import pseudo_inertia
+from pinotwin.dynamics.pseudoinertia import pseudo_inertia
 from pinotwin.twin import Twin
 
 LEAST = 1e-3

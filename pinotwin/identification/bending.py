@@ -119,7 +119,7 @@ def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USU
     motion = _motion(machine, logs[0])
     first = Bending.stated(machine).moved(motion)
     shaken = [first.bend(log) for log in logs]
-    fit = fit_plant(machine, prepare(machine, shaken), consistent_inertia=False, settings=settings)
+    fit = fit_plant(machine, prepare(machine, shaken), settings)
     plant = open_loop(machine, fit)
     rest = replace(motion, u=motion.u - _friction(plant, _motion(machine, shaken[0])))
     return replace(first, beta=_beta(plant, first.beta, motion, settings.sure)).moved(rest)

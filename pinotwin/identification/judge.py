@@ -151,14 +151,13 @@ def signs_of_missing_effects(
 
 
 def judge(
-    machine: Machine, plant: Plant, found: OpenLoop, later: Motion | None, settings: Settings
-) -> tuple[dict[str, Any], CrossValidated]:
-    """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
+    machine: Machine, plant: Plant, found: OpenLoop, validated: CrossValidated, later: Motion | None
+) -> dict[str, Any]:
+    """Return the figures of a fitted plant, per axis and together.
 
     ``found`` is the same as a twin holds it; a motion that was not fitted adds ``validation`` to every axis.
     """
     fit, problem = plant.fit, plant.fit.problem
-    validated = CrossValidated.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)
     error = problem.y - problem.W @ plant.theta
     held = np.full(len(problem.y), np.nan) if validated.held is None else validated.held.error
     axes = {}
@@ -172,8 +171,6 @@ def judge(
             **whiteness_row(error[rows]),
             "rows": int(rows.stop - rows.start),
         }
-    met = plant.consistency  # what physical consistency cost; None where it was not asked for
-    ratio = met.cost_ratio if met is not None and np.isfinite(met.cost_ratio) else None
     out = {
         "axes": axes,
         "relative_error": float(np.linalg.norm(error) / np.linalg.norm(problem.y)),
@@ -181,7 +178,6 @@ def judge(
         "rank": int(fit.rank),
         "parameters": len(plant.theta),
         "not_separable": [list(group) for group in fit.group_names()],
-        "consistency": None if met is None else {"moved": met.moved, "cost_ratio": ratio},
         "folds": validated.folds,
         "at_bound": [row.name for row in found.parameters if row.verdict == "at its bound"],
         "preparation": list(plant.motion.notes),
@@ -194,4 +190,4 @@ def judge(
             if machine.names[joint] in axes:
                 axes[machine.names[joint]]["validation"] = error_row(problem.y[rows], error[rows])
         out["validation_source"] = later.source
-    return out, validated
+    return out

@@ -13,7 +13,8 @@ from pinotwin.analysis.disturbance import diagonal
 from pinotwin.columns import bind
 from pinotwin.errors import DataError
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
-from pinotwin.identification.judge import judge, warnings
+from pinotwin.identification.bodies import near_urdf
+from pinotwin.identification.judge import CrossValidated, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
@@ -73,13 +74,17 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     bending = find_bending(machine, logs, settings)
     even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
     prepared = functools.partial(even.motion, cutoff=cutoff, decimate=decimate)
-    fitted = functools.partial(_plant, prepared=prepared, consistent=consistent, settings=settings)
+    fitted = functools.partial(_plant, prepared=prepared, settings=settings)
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
+    known = (fit.rows, fit.fit.problem)
+    validated, price = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds), None
+    if consistent and not machine.passive:  # a passive joint's own row completes its bodies, see find_springs
+        fit, validated, price = near_urdf(machine, fit, validated, settings)
     plant = open_loop(machine, fit)
-    quality, validated = judge(machine, fit, plant, later, settings)
-    quality["leads"] = leads
+    quality = judge(machine, fit, plant, validated, later)
+    quality |= {"consistency": price, "leads": leads}
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
     closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
@@ -155,19 +160,11 @@ def _with_leads(
     return machine, plant, said
 
 
-def _plant(
-    machine: Machine, prepared: Callable[[Machine], Motion], consistent: bool, settings: Settings
-) -> Plant:
-    """Return the plant; a failure after repairs of the clock names these first.
-
-    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
-    is why the plant is not asked for consistent inertias before.
-    """
+def _plant(machine: Machine, prepared: Callable[[Machine], Motion], settings: Settings) -> Plant:
+    """Return the plant; a failure after repairs of the clock names these first."""
     motion = prepared(machine)
     try:
-        return fit_plant(
-            machine, motion, consistent_inertia=consistent and not machine.passive, settings=settings
-        )
+        return fit_plant(machine, motion, settings)
     except DataError as error:
         clock = [note for note in motion.notes if ": t: " in note]
         if not clock:

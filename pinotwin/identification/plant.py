@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.dynamics.parameters import body_count, parameters
+from pinotwin.dynamics.parameters import parameters
 from pinotwin.effects import Effect, needs_model, with_model_effort
 from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
 from pinotwin.identification.assemble import Rows, assemble, choose_rows, pieces
@@ -16,7 +17,6 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.shapes import Found, search_shapes, widened
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.result import LinearFit
 from pinotwin.twin import OpenLoop
@@ -31,12 +31,12 @@ class Plant:
         effects: with the shapes found.
         rows: which rows were fitted.
         fit: linear fit at those shapes.
-        theta: coefficients, physically consistent where that was asked for, shape (p,).
-        pi: standard inertial parameters.
+        theta: coefficients, shape (p,).
+        pi: standard inertial parameters; of the least squares the nearest to the URDF's, possible or not.
         shape_errors: standard error of every searched shape, in the order of the effects.
         shape_at_bound: whether it ended at a bound.
-        consistency: what the constraint did; None where it was not asked for.
         motion: what was fitted, with the model's own effort where an effect scales with it.
+        bodies: see :attr:`pinotwin.twin.OpenLoop.bodies`; none before they are asked for.
     """
 
     effects: tuple[Effect, ...]
@@ -46,30 +46,24 @@ class Plant:
     pi: Floats
     shape_errors: Floats
     shape_at_bound: Mask
-    consistency: ConsistentFit | None
     motion: Motion
+    bodies: tuple[Mapping[str, Any], ...] = ()
 
 
-def fit_plant(
-    machine: Machine, motion: Motion, *, consistent_inertia: bool = True, settings: Settings = USUAL
-) -> Plant:
+def fit_plant(machine: Machine, motion: Motion, settings: Settings = USUAL) -> Plant:
     """Identify the open-loop dynamics of a machine from one motion.
 
     Args:
         machine: what is believed.
         motion: prepared log(s).
-        consistent_inertia: require inertias that a real body could have.
         settings: by which it decides.
     """
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
     motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows, settings)
-    if consistent_inertia:
-        found = _consistent(machine, fit, effects)
-        return Plant(effects, rows, fit, found.theta, found.pi, errors, bounds, found, motion)
     base, pi0 = machine.base, parameters(machine.model)
     pi = pi0 + np.linalg.pinv(base.P) @ (fit.theta[_beta(effects)] - base.P @ pi0)
-    return Plant(effects, rows, fit, fit.theta, pi, errors, bounds, None, motion)
+    return Plant(effects, rows, fit, fit.theta, pi, errors, bounds, motion)
 
 
 def _settled(
@@ -172,18 +166,6 @@ def _shaped(motion: Motion, effects: Sequence[Effect], rows: Rows) -> list[int]:
     return [k for k, e in enumerate(effects) if e.axis and e.shapes() and motion.index(e.axis) in rows.joints]
 
 
-def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect]) -> ConsistentFit:
-    span = _beta(effects)
-    return consistent(Evidence.of(fit, np.arange(span.start, span.stop)), bodies_of(machine))
-
-
-def bodies_of(machine: Machine) -> Bodies:
-    """Return the bodies and rotors of a machine, with the CAD's values."""
-    count, pi0 = body_count(machine.model), parameters(machine.model)
-    bodies = tuple(np.arange(10 * k, 10 * k + 10) for k in range(count))
-    return Bodies(machine.base.P, pi0, bodies, np.arange(10 * count, len(pi0)))
-
-
 def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
     """Return what a fit found of a machine."""
     return OpenLoop(
@@ -193,6 +175,7 @@ def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
         covariance=fit.fit.covariance,
         parameters=parameter_table(fit),
         pi=fit.pi,
+        bodies=fit.bodies,
     )
 
 

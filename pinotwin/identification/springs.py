@@ -20,11 +20,11 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
-from pinotwin.identification.plant import bodies_of
+from pinotwin.identification.bodies import bodies_of, body_rows
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals.filters import vibration_band
-from pinotwin.solve.consistency import Evidence, consistent
+from pinotwin.solve.bodies import Evidence, near
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
 from pinotwin.twin.parameters import Parameters, verdict
@@ -141,8 +141,10 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
     scale = np.sqrt(np.diag(cov)[:b])
     correlation = cov[:b, :b] / np.outer(scale, scale)
     factor = np.linalg.cholesky(np.linalg.inv(correlation)).T / scale
-    evidence = Evidence(factor, factor @ theta[:b], theta[:b], np.arange(b), np.full(b, -np.inf), float(b))
-    found = consistent(evidence, bodies_of(machine))
+    free = np.full(b, np.inf)
+    evidence = Evidence(factor, factor @ theta[:b], theta[:b], np.arange(b), -free, free)
+    bodies, dummy = bodies_of(machine)
+    found = near(evidence, bodies, USUAL.urdf_rows[0])
     whole, full = plant.theta.copy(), plant.covariance.copy()
     whole[rigid], whole[spring] = found.theta, np.maximum(theta[b:], 0.0)
     for at, own in ((rigid, slice(0, b)), (spring, slice(b, b + 2))):
@@ -157,4 +159,6 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
         value, error = float(values[k]), float(errors[k])
         word = verdict(value, error, at_bound=False)
         rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word)
-    return replace(plant, theta=whole, covariance=full, parameters=Parameters(rows.values()), pi=found.pi)
+    said = body_rows(machine, found, dummy)
+    parameters = Parameters(rows.values())
+    return replace(plant, theta=whole, covariance=full, parameters=parameters, pi=found.pi, bodies=said)

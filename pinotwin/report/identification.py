@@ -8,7 +8,7 @@ from typing import Any
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Group, Plot, Tabs, macro, tiles
+from pinotwin.report.blocks import Block, Group, Plot, Tabs, macro, table, tiles
 from pinotwin.report.closed_loop import closed_loop_content
 from pinotwin.report.effort_plots import (
     breakdown_figure,
@@ -22,7 +22,7 @@ from pinotwin.report.effort_plots import (
 from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
-from pinotwin.report.verdict import axis_tiles, cautions, headline, known
+from pinotwin.report.verdict import axis_tiles, bodies, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
 from pinotwin.studies.overlay import KINDS, effect_keys_of, explained, overlay
 from pinotwin.twin import Twin
@@ -58,6 +58,8 @@ def identification_report(
         "panels": Tabs({given.names[j]: axis_panel(twin, given, split, j) for j in given.measured}),
         **closed_loop_content(twin, first),
         "seen": "a log that was not used to fit" if validate else "the log that was fitted",
+        "bodies": table(*bodies(twin)[:2], numeric=(1, 2, 3)) if twin.bodies else None,
+        "price": "; ".join(bodies(twin)[2]),
         "parameters": parameter_table(twin.parameters, list(twin.machine.axes)),
         "groups": [", ".join(map(str, group)) for group in twin.groups],
         "alone": [row for row in twin.parameters if not row.determined and row.name not in tied],

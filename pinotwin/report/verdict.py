@@ -92,14 +92,23 @@ def cautions(twin: Twin) -> list[str]:
     coloured = [name for name, row in quality.get("axes", {}).items() if known(row, "lag1") > 0.5]
     if coloured:
         out.append(IDENTIFIED["coloured"].format(axes=joined(coloured)))
-    moved = quality.get("consistency") or {}
-    if moved.get("moved"):
-        out.append(IDENTIFIED["infeasible"].format(more=_times(moved.get("cost_ratio"))))
     return out
 
 
-def _times(ratio: float | None) -> str:
-    """Return by how much a cost rose, in words."""
-    if ratio is None:
-        return "a little"
-    return "less than 0.1 %" if ratio < 1.001 else f"{100.0 * (ratio - 1.0):.2g} %"
+def bodies(twin: Twin) -> tuple[tuple[str, ...], list[list[str]], list[str]]:
+    """Return head and rows of a table of what each body weighs and who says so; and what bodies that can exist cost."""
+    words = {"log": "the log", "URDF": "the URDF", "rod": "nobody: not identified"}
+    rows = []
+    for row in twin.bodies:
+        low, high = row["interval95"] or (math.nan, math.nan)
+        half = f" ± {(high - low) / 2.0:.2g}" if row["source"] == "log" else ""
+        given = "dummy" if row["source"] == "rod" else f"{row['urdf']:.3g}"
+        mass = f"{row['mass']:.3g}{half}"
+        rows.append([row["joint"], mass, given, f"{row['share']:.2f}", words[row["source"]]])
+    price = twin.quality.get("consistency") or {}
+    said = [
+        f"unseen error {price[key]:.3f} of that {of}"
+        for key, of in (("unseen_over_free", "without bodies"), ("unseen_over_best", "of the best bodies"))
+        if price.get(key)
+    ]
+    return ("body", "mass [kg]", "in the URDF", "share of the URDF", "told by"), rows, said

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import compress, pairwise
+from typing import Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError
-from pinotwin.solve.linear import Options, Reduced, reduce, solve
+from pinotwin.solve.linear import Options, Reduced, Solution, reduce, solve
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.tsqr import r_factor
 
@@ -27,9 +28,20 @@ class HeldOut:
     theta: Floats  # coefficients of each fold, shape (folds, p)
     error: Floats  # prediction error of every row, shape (rows,)
     sigma: Floats  # noise level of every axis with which the rows were weighted, shape (axes,)
-    factors: Floats  # R of the weighted rows that each fold was fitted to, shape (folds, p, p)
+    fits: tuple[Solution, ...]  # what each fold was fitted to, and how
+    tests: Floats  # triangle of the weighted rows [W y] of each fold, shape (folds, p + 1, p + 1)
     fold: Ints  # of every row, shape (rows,)
     whole: Floats  # coefficients of a fit of all rows, shape (p,)
+
+    def weighted(self, theta: Floats) -> float:
+        """Return the RMS prediction error of one theta a fold, shape (folds, p), in sigma."""
+        error = np.einsum("kij,kj->ki", self.tests, np.insert(theta, theta.shape[1], -1.0, axis=1))
+        return float(np.sqrt(np.sum(error**2) / len(self.error)))
+
+    def by(self, problem: Problem, theta: Floats, whole: Floats) -> Self:
+        """Return the predictions by other coefficients of each fold, shape (folds, p), and of all rows, shape (p,)."""
+        error = problem.y - np.einsum("np,np->n", problem.W, theta[self.fold])
+        return replace(self, theta=theta, error=error, whole=whole)
 
     def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
         """Return the variance of each row's prediction over that of the noise, shape (rows,).
@@ -40,7 +52,7 @@ class HeldOut:
         have it.
         """
         out = np.empty(len(problem.y))
-        N = self.factors.transpose(0, 2, 1) @ self.factors
+        N = np.array([fit.factor.T @ fit.factor for fit in self.fits])
         size = np.sqrt(np.maximum(np.diagonal(N, axis1=1, axis2=2).max(axis=0), 1e-300))
         weight = 1.0 / self.sigma[problem.axis_place]
         for k, each in enumerate(N):
@@ -72,19 +84,19 @@ def held_out(
     pieces = [
         reduce(problem.rows((order >= a) & (order < b)), tuple(problem.slices)) for a, b in pairwise(cuts)
     ]
-    whole = solve(_merge(pieces), options)
+    whole = solve(_merge(pieces, np.ones(len(pieces), bool)), options)
     options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
-    held = np.empty((folds, problem.parameters, problem.parameters))
+    fits, tests = [], []
     error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
-        chosen = [piece for piece, use in zip(pieces, outside, strict=True) if use]
-        found = solve(_merge(chosen), options)
-        theta[k], held[k] = found.theta, found.factor
+        fits.append(solve(_merge(pieces, outside), options))
+        theta[k] = fits[k].theta
+        tests.append(_merge(pieces, (cuts[:-1] >= a) & (cuts[1:] <= b)).triangle(whole.sigma))
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
-    return HeldOut(theta, error, whole.sigma, held, fold, whole.theta)
+    return HeldOut(theta, error, whole.sigma, tuple(fits), np.array(tests), fold, whole.theta)
 
 
 def fold_order(problem: Problem) -> tuple[Ints, int]:
@@ -94,8 +106,9 @@ def fold_order(problem: Problem) -> tuple[Ints, int]:
     return order, int(order.max()) + 1
 
 
-def _merge(chosen: Sequence[Reduced]) -> Reduced:
-    """Return the factors of several pieces together: the rows themselves would be the problem once more."""
+def _merge(pieces: Sequence[Reduced], use: Mask) -> Reduced:
+    """Return the factors of the pieces in use together: the rows themselves would be the problem once more."""
+    chosen = list(compress(pieces, use))
     factors = zip(*(piece.factors for piece in chosen), strict=True)
     rows = zip(*(piece.rows for piece in chosen), strict=True)
     return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))

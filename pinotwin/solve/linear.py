@@ -73,10 +73,9 @@ class Reduced:
     factors: tuple[Floats, ...]  # R of ``[W_i y_i]`` per axis, shape (k, p + 1), k the columns that it has
     rows: tuple[int, ...]  # number of rows per axis
 
-    def stacked(self, sigma: Floats) -> tuple[Floats, Floats]:
-        """Return R, z of all axes together, each axis divided by its noise level."""
-        R = r_factor(np.concatenate([F / s for F, s in zip(self.factors, sigma, strict=True)]))
-        return R[:-1, :-1], R[:-1, -1]
+    def triangle(self, sigma: Floats) -> Floats:
+        """Return R of ``[W y]`` of all axes together, each axis divided by its noise level."""
+        return r_factor(np.concatenate([F / s for F, s in zip(self.factors, sigma, strict=True)]))
 
 
 @dataclass(frozen=True)
@@ -90,6 +89,11 @@ class Solution:
     factor: Floats  # weighted R, shape (p, p)
     right: Floats  # weighted z, shape (p,)
     options: Options  # how it was solved
+
+    @property
+    def held(self) -> tuple[Floats, Floats]:
+        """R and z with the rows of the ridge, of which theta is the least squares within the bounds."""
+        return _with_ridge(self.factor, self.right, self.options)
 
     @cached_property
     def seen(self) -> Rank:
@@ -121,7 +125,7 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
     """
     options = options or Options()
     found = solve(reduce(problem), options)
-    seen = found.seen
+    seen, (factor, right) = found.seen, found.held
     if len(problem.y) <= seen.rank:
         raise DataError(
             f"{len(problem.y)} rows for {problem.parameters} parameters leave nothing to judge the "
@@ -144,8 +148,8 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
         active=found.active,
         lower=_or(options.lower, -np.inf, p),
         upper=_or(options.upper, np.inf, p),
-        factor=found.factor,
-        right=found.right,
+        factor=factor,
+        right=right,
         lags=spreading.lags,
     )
 
@@ -167,17 +171,12 @@ def solve(reduced: Reduced, options: Options | None = None) -> Solution:
 
 def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     """Return theta for given noise levels."""
-    R, z = reduced.stacked(sigma)
-    p = R.shape[1]
+    whole = reduced.triangle(sigma)
+    R, z, p = whole[:-1, :-1], whole[:-1, -1], len(whole) - 1
     prior = options.prior
     mean = np.zeros(p) if prior is None else np.asarray(prior.mean, float)
     std = None if prior is None else prior.std
-    A, b = R, z
-    if options.ridge is not None:
-        weak = np.flatnonzero(np.isfinite(options.ridge))
-        extra = np.zeros((len(weak), p))
-        extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
-        A, b = np.concatenate([A, extra]), np.concatenate([b, extra @ mean])
+    A, b = _with_ridge(R, z, options)
     rank = analyse(A, options.tolerance, std)
     theta = mean + rank.nearest(rank.root @ (rank.root.T @ (A.T @ (b - A @ mean))))
     theta += rank.root @ (rank.root.T @ (A.T @ (b - A @ theta)))
@@ -186,6 +185,17 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     if ((theta < lower) | (theta > upper)).any():
         theta, active = bounded(A, b, lower, upper, mean, rank)
     return Solution(theta, sigma, rank, active, R, z, options)
+
+
+def _with_ridge(R: Floats, z: Floats, options: Options) -> tuple[Floats, Floats]:
+    """Return a factor and its right side with the rows of the weak belief."""
+    if options.ridge is None:
+        return R, z
+    weak = np.flatnonzero(np.isfinite(options.ridge))
+    extra = np.zeros((len(weak), R.shape[1]))
+    extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
+    mean = 0.0 if options.prior is None else options.prior.mean[weak]
+    return np.concatenate([R, extra]), np.concatenate([z, mean / options.ridge[weak]])
 
 
 def _first_levels(reduced: Reduced) -> Floats:

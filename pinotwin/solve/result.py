@@ -34,8 +34,8 @@ class LinearFit:
     active: Mask  # parameters that sit on a bound, shape (p,)
     lower: Floats  # bounds, shape (p,), -inf for none
     upper: Floats  # bounds, shape (p,), inf for none
-    factor: Floats  # R of the rows divided by sigma, shape (p, p)
-    right: Floats  # z with || R theta - z || the weighted residual up to a constant, shape (p,)
+    factor: Floats  # R of the rows divided by sigma, those of a ridge below, shape (k, p)
+    right: Floats  # z with || R theta - z || the weighted residual up to a constant, shape (k,)
     lags: int  # bandwidth of the covariance, in slots of the time axis
 
     @property

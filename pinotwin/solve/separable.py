@@ -184,7 +184,7 @@ class _Search:
             at, k = at + len(m.names), k + len(x)
         names = (*self.names, *(f"{m.name}.{s}" for m in self.moving for s in m.shapes))
         joint = full.with_columns(np.column_stack([full.W, slopes]), names)
-        rank = analyse(reduce(joint).stacked(fit.sigma)[0], self.options.tolerance)
+        rank = analyse(reduce(joint).triangle(fit.sigma)[:-1, :-1], self.options.tolerance)
         found = spread(joint, fit.sigma, fit.residual, rank.root, self.options.inference)
         fit = replace(
             fit,

@@ -82,7 +82,7 @@ def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[i
 def _one(machine: Machine, motion: Motion, test: Motion, stop: int) -> tuple[float, Floats, Floats] | None:
     """Return length, fitted error and held-out error of one fit; None if it has no usable row."""
     try:
-        plant = fit_plant(machine, motion.cut(0, stop), consistent_inertia=False)
+        plant = fit_plant(machine, motion.cut(0, stop))
     except DataError:
         return None
     names = len(machine.names)

@@ -61,7 +61,7 @@ def coupled_against_decoupled(
         DataError: the log holds too little.
     """
     motion = prepare(machine, log, decimate=decimate)
-    plant = fit_plant(machine, motion, consistent_inertia=False)
+    plant = fit_plant(machine, motion)
     coupled = assemble(motion, plant.effects, plant.rows)
     decoupled, bounds = decoupled_problem(machine, motion, plant.effects)
     first = held_out(coupled, options=fit_options(machine, plant.effects)).error

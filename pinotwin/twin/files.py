@@ -60,6 +60,7 @@ class _Document(TypedDict):
     not_separable: list[list[str]]
     data: list[dict[str, Any]]
     settings: _Settings
+    bodies: NotRequired[list[dict[str, Any]]]
     misfit: NotRequired[dict[str, dict[str, Any]] | None]
     files: dict[str, str]
 
@@ -152,6 +153,7 @@ def document(twin: Twin) -> dict[str, Any]:
             "theta": twin.theta,
             "covariance_lower": {"file": COVARIANCE, "array": "lower"},
             "standard_inertial_parameters": twin.pi,
+            "bodies": list(twin.bodies),
             "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
             "servos": {name: servo.to_dict() for name, servo in twin.servos.items()},
             "diagonal": twin.diagonal,
@@ -229,6 +231,7 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
         parameters=Parameters(map(_parameter, content["parameters"])),
         pi=np.array(content["standard_inertial_parameters"]),
         diagonal={key: np.array(row) for key, row in content["diagonal"].items()},
+        bodies=tuple(content.get("bodies", ())),
         **_closed_loop(content["loops"], content.get("servos", {})),
         quality=content["quality"],
         data=content["data"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -30,10 +31,11 @@ class OpenLoop:
         theta: their linear coefficients, in the order of the effects, shape (p,).
         covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
         parameters: all parameters, in order and by full name.
-        pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
-            ``quality["consistency"]`` of the twin says otherwise.
+        pi: standard inertial parameters with ``P pi = beta``, of bodies that can exist where ``bodies`` has a row.
         diagonal: constant inertia, viscous and stiffness terms that the loops are identified with,
             each of shape (nv,); see :mod:`pinotwin.analysis.disturbance`.
+        bodies: per joint its body's ``mass`` and that of the ``urdf`` [kg], ``share`` d log m / d log m_URDF (0: the
+            log's, 1: the URDF's), ``source`` (``log``, ``URDF``, ``rod`` for dummies) and ``interval95`` or None.
     """
 
     machine: Machine
@@ -43,6 +45,7 @@ class OpenLoop:
     parameters: Parameters
     pi: Floats
     diagonal: Mapping[str, Floats] = field(default_factory=dict)
+    bodies: tuple[Mapping[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Parameters(self.parameters))

@@ -25,7 +25,7 @@ class Parameter:
         value: estimate [unit].
         unit: SI unit.
         error: standard error [unit]; nan when the data do not determine it.
-        determined: False when this log cannot tell it; ``value`` is then the prior (CAD or zero).
+        determined: False when this log cannot tell it; ``value`` is then the prior (CAD or zero), or near it.
         verdict: one word or sentence for the reader: ``good``, ``weak``, or why not to use it.
         prior: value before the log, if there was one [unit].
         meaning: the grouping of a base parameter written out.
