@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 58_887,
+    lines: 55_368,
     module_numbers: 126,
-    numbers_without_unit: 328,
+    numbers_without_unit: 315,
     stories: 6,
 }
 

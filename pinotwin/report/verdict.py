@@ -111,4 +111,4 @@ def bodies(twin: Twin) -> tuple[tuple[str, ...], list[list[str]], list[str]]:
         for key, of in (("unseen_over_free", "without bodies"), ("unseen_over_best", "of the best bodies"))
         if price.get(key)
     ]
-    return ("body", "mass [kg]", "in the URDF", "share of the URDF", "told by"), rows, said
+    return ("body", "mass [kg]", "in the URDF", "share of the URDF", "known from"), rows, said
