@@ -220,8 +220,8 @@ def test_bodies_say_whose_their_mass_is_and_what_they_cost() -> None:
     assert cells[1] == ["A", "50", "45", "0.90", "the URDF"]
     assert cells[2][2:] == ["dummy", "0.10", "nobody: not identified"]
     assert said == [
-        "unseen error 1.250 of that without bodies",
-        "unseen error 1.010 of that of the best bodies",
+        "error on held-out rows: 1.250 of that of a fit without bodies",
+        "error on held-out rows: 1.010 of that at the best weight",
     ]
     page = identification_report(told, log)
     assert all(text in page for text in (*cells[0], *said))
