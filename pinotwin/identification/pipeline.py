@@ -78,10 +78,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
-    known = (fit.rows, fit.fit.problem)
-    validated, price = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds), None
-    if consistent and not machine.passive:  # a passive joint's own row completes its bodies, see find_springs
-        fit, validated, price = near_urdf(machine, fit, validated, settings)
+    fit, validated, price = _with_bodies(machine, fit, consistent, settings)
     plant = open_loop(machine, fit)
     quality = judge(machine, fit, plant, validated, later)
     quality |= {"consistency": price, "leads": leads}
@@ -96,6 +93,17 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         groups=fit.fit.group_names(),
         misfit=misfit_of(closed.plant, fit.motion, validated, settings),
     )
+
+
+def _with_bodies(
+    machine: Machine, fit: Plant, consistent: bool, settings: Settings
+) -> tuple[Plant, CrossValidated, dict[str, Any] | None]:
+    """Return the plant with bodies near the URDF's if asked for, its rows part by part, and the price of bodies."""
+    known = (fit.rows, fit.fit.problem)
+    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds)
+    if not consistent or machine.passive:  # a passive joint's own row completes its bodies, see find_springs
+        return fit, validated, None
+    return near_urdf(machine, fit, validated, settings)
 
 
 def _unseen(

@@ -113,7 +113,7 @@ def _words(kind: Any) -> str:
         return " or ".join(map(str, get_args(kind)))
     if get_origin(kind) is tuple:
         return "a list" if Ellipsis in get_args(kind) else f"a list of {len(get_args(kind))}"
-    plain = {bool: "true or false", float: "a number", int: "a whole number"}
+    plain = {bool: "true or false", float: "a number", int: "a whole number", str: "text"}
     return next((plain[one] for one in (kind, *get_args(kind)) if one in plain), "text")
 
 
