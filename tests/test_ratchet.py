@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_373,
+    lines: 55_372,
     module_numbers: 126,
     numbers_without_unit: 315,
     stories: 6,

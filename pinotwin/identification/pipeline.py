@@ -80,8 +80,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     fit, validated, price = _with_bodies(machine, fit, consistent, settings)
     plant = open_loop(machine, fit)
-    quality = judge(machine, fit, plant, validated, later)
-    quality |= {"consistency": price, "leads": leads}
+    quality = judge(machine, fit, plant, validated, later) | {"consistency": price, "leads": leads}
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
     closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
