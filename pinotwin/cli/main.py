@@ -49,7 +49,7 @@ COMMANDS: dict[str, str] = {
 EXAMPLES: dict[str, str] = {
     "check": "pinotwin check trunnion log.csv",
     "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
-    "improve": "pinotwin improve laser_driller log.csv --validate other.csv --out twin",
+    "improve": "pinotwin improve trunnion log.csv --validate other.csv --out twin",
     "simulate": "pinotwin simulate twin other.csv --out predicted.csv",
     "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
     "force": "pinotwin force twin today.csv --out force.csv",
