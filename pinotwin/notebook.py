@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
@@ -68,6 +69,11 @@ class Drawn(Card):
 
 def _pictures() -> Any:
     return importlib.import_module("pinotwin.report.pictures")
+
+
+def share_cell(x: float | None) -> str:
+    """Return a share [1] as a cell in per cent; a dash for none."""
+    return "-" if x is None or not math.isfinite(x) else f"{x:.2%}"
 
 
 _CELL = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"

@@ -83,7 +83,7 @@ def test_an_alignment_is_proper_where_the_source_gives_a_reflection() -> None:
 def test_a_filter_starts_with_the_force_upwards(force: list[float]) -> None:
     acc = np.tile(np.array(force, dtype=float), (2, 1))
     up = rot.rotate(ekf(np.zeros((2, 3)), acc, 100.0)[0][0], acc[0] / np.linalg.norm(force))
-    np.testing.assert_allclose(up, [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(up, [0, 0, 1], atol=1e-12)
 
 
 def test_inclination_error_ignores_heading() -> None:

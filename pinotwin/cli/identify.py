@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.arguments import Answer, Folder, Repeated, Several
 from pinotwin.cli.inputs import above_zero, check_there, read_logs
-from pinotwin.cli.output import columns, percent, say
+from pinotwin.cli.output import columns, say
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
+from pinotwin.notebook import share_cell
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import whole_folder, write_text
 
@@ -131,8 +132,8 @@ def summary(twin: Twin) -> list[str]:
         held = row.get("validation", row["held_out"])
         own = sizes.get(name, {})
         apart = [_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting")]
-        rows.append([name, *map(percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
-    rows.append(["all", percent(quality["relative_error"]), "", "", "", ""])
+        rows.append([name, *map(share_cell, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
+    rows.append(["all", share_cell(quality["relative_error"]), "", "", "", ""])
     lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
     lines.append("fit, held out: RMS error / RMS effort; of std: over its standard deviation")
     if sizes:

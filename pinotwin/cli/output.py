@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import shutil
@@ -43,11 +42,6 @@ def columns(
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
-
-
-def percent(x: float | None) -> str:
-    """Return a share as a cell; a dash for none."""
-    return "-" if x is None or not math.isfinite(x) else f"{x:.2%}"
 
 
 def width() -> int | None:

@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 from pinotwin.cli.arguments import Answer, CsvFile, File, PageFile
 from pinotwin.cli.inputs import check_there, check_twin, read_logs
-from pinotwin.cli.output import beside, columns, percent
+from pinotwin.cli.output import beside, columns
+from pinotwin.notebook import share_cell
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import write_text
 
@@ -67,7 +68,7 @@ def summary(rows: Any) -> list[str]:
     if not rows:
         return []
     cells = [
-        [name, *(percent(row.get(signal, {}).get(key)) for signal, key in SHOWN)]
+        [name, *(share_cell(row.get(signal, {}).get(key)) for signal, key in SHOWN)]
         for name, row in rows.items()
     ]
     head = ("axis", "e", "u", "u of std", "e moving", "u moving", "u at rest")

@@ -96,7 +96,7 @@ class Bending:
     def completed(self, plant: OpenLoop, settings: Settings) -> OpenLoop:
         """Return the plant with the springs by which its logs were bent."""
         for spring in self.springs:
-            plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping), settings.cad_doubt)
+            plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping), settings)
         return plant
 
 

@@ -13,7 +13,7 @@ from pinotwin.dynamics.plausible import plausible
 from pinotwin.effects.layout import rigid_body_of
 from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.plant import Plant
-from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.settings import Settings
 from pinotwin.machine import Machine
 from pinotwin.solve.bodies import Bodies, Evidence, Near, near
 from pinotwin.solve.sandwich import bartlett
@@ -49,12 +49,7 @@ def near_urdf(
     found = near(evidence, bodies, weight * rows, found)
     if held is not None:
         known = replace(known, held=held.by(known.problem, folds[weight], found.theta))
-    noise = fit.sigma[fit.problem.axis_place]
-    cost = [
-        np.sum(((fit.problem.y - fit.problem.W @ theta) / noise) ** 2) for theta in (found.theta, fit.theta)
-    ]
-    ratio = float(cost[0] / cost[1]) if cost[1] > 0.0 else None
-    price |= {"moved": True, "cost_ratio": ratio, "urdf_rows": weight, "correlated_rows": rows}
+    price |= {"urdf_rows": weight, "correlated_rows": rows}
     said = body_rows(machine, found, dummy, rows, settings)
     return replace(plant, theta=found.theta, pi=found.pi, bodies=said), known, price
 
@@ -82,7 +77,7 @@ def correlated_rows(plant: Plant, theta: Floats, memory: float = 1.0) -> float:
 
 
 def body_rows(
-    machine: Machine, found: Near, dummy: Mask, rows: float = 1.0, settings: Settings = USUAL
+    machine: Machine, found: Near, dummy: Mask, rows: float, settings: Settings
 ) -> tuple[dict[str, Any], ...]:
     """Return one row a body: its mass, the URDF's, whose it is and, where the logs tell it, its interval [kg].
 

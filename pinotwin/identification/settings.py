@@ -47,7 +47,7 @@ class Settings:
         sure: standard error over size below which a base parameter from the motors' rows takes the CAD's place: CAD
             values are no better than that.
         urdf_rows: independent rows as which the URDF's bodies count: the first number, unless another predicts
-            unseen rows better; five held on nine splits of five robots, and few blocks of a log tell no more.
+            unseen rows better; a log has too few independent blocks to choose among more.
         other_rows: numbers of rows that are tried beside, to know the least error of bodies that can exist.
         urdf_share: share of a mass that is the URDF's from which it is no result of the log.
         cad_doubt: share of itself by which a CAD value that no motor sees may be off: cables and screws are not in it.

@@ -45,11 +45,11 @@ def find_springs(
     rows: dict[str, Any] = {}
     for joint in plant.machine.passive:
         if f"{joint}.spring" in plant.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
-            plant, rows[joint] = _find_spring(plant, motion, joint, settings.cad_doubt)
+            plant, rows[joint] = _find_spring(plant, motion, joint, settings)
     return plant, rows
 
 
-def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], doubt: float) -> OpenLoop:
+def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], settings: Settings) -> OpenLoop:
     """Return the plant with a spring that was not found in a joint's own row, and CAD for what no motor sees.
 
     Its mode is that of the motors' rows; its stiffness is as doubtful as the CAD's inertia.
@@ -58,18 +58,18 @@ def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], doubt:
         plant: the motors' rows fitted with the vibration.
         joint: the passive one.
         spring: stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
-        doubt: share of itself by which a CAD value may be off.
+        settings: how doubtful the CAD is.
     """
-    mean, precision = _prior(plant, doubt)
+    mean, precision = _prior(plant, settings.cad_doubt)
     k = len(mean) - 2
     cov = np.zeros_like(precision)
     cov[:k, :k] = np.linalg.inv(precision[:k, :k])
-    cov[k:, k:] = np.diag((doubt * np.array(spring)) ** 2)
-    return _updated(plant, joint, np.append(mean[:k], spring), cov)
+    cov[k:, k:] = np.diag((settings.cad_doubt * np.array(spring)) ** 2)
+    return _updated(plant, joint, np.append(mean[:k], spring), cov, settings)
 
 
 def _find_spring(
-    plant: OpenLoop, motion: Motion, joint: str, doubt: float, memory: float = 0.25
+    plant: OpenLoop, motion: Motion, joint: str, settings: Settings, memory: float = 0.25
 ) -> tuple[OpenLoop, dict[str, float]]:
     """Return the plant with one joint's spring, and the RMS of what its row leaves and of the spring's torque.
 
@@ -83,7 +83,7 @@ def _find_spring(
         spring = np.stack([_angle(motion, part, index), motion.v[part, index]], axis=1)
         rows.append(vibration_band(np.hstack([W[part], spring]), 1.0 / motion.step))
     X = np.concatenate(rows)
-    mean, precision = _prior(plant, doubt)
+    mean, precision = _prior(plant, settings.cad_doubt)
     lag, sigma = max(1, round(memory / motion.step)), 1.0
     for _ in range(4):
         A = X.T @ X / sigma**2 + precision
@@ -95,7 +95,7 @@ def _find_spring(
     cov = inverse @ (long_run(X * e[:, None] / sigma**2, lag) + precision) @ inverse
     load = float(np.sqrt(np.mean((X[:, -2] * theta[-2]) ** 2)))
     left = float(np.sqrt(np.mean(e**2)))
-    return _updated(plant, joint, theta, cov), {"residual": left, "load": load}
+    return _updated(plant, joint, theta, cov, settings), {"residual": left, "load": load}
 
 
 def _angle(motion: Motion, part: slice, index: int) -> Floats:
@@ -132,7 +132,7 @@ def _prior(plant: OpenLoop, doubt: float, least: float = 0.02) -> tuple[Floats, 
     return np.linalg.solve(precision, right), precision
 
 
-def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoop:
+def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats, settings: Settings) -> OpenLoop:
     """Return the plant with the rigid body and the spring of the joint's own row."""
     machine, base = plant.machine, plant.machine.base
     rigid = plant.slices[plant.keys.index("rigid_body")]
@@ -144,7 +144,7 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
     free = np.full(b, np.inf)
     evidence = Evidence(factor, factor @ theta[:b], theta[:b], np.arange(b), -free, free)
     bodies, dummy = bodies_of(machine)
-    found = near(evidence, bodies, USUAL.urdf_rows[0])
+    found = near(evidence, bodies, settings.urdf_rows[0])
     whole, full = plant.theta.copy(), plant.covariance.copy()
     whole[rigid], whole[spring] = found.theta, np.maximum(theta[b:], 0.0)
     for at, own in ((rigid, slice(0, b)), (spring, slice(b, b + 2))):
@@ -159,6 +159,6 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
         value, error = float(values[k]), float(errors[k])
         word = verdict(value, error, at_bound=False)
         rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word)
-    said = body_rows(machine, found, dummy)
+    said = body_rows(machine, found, dummy, 1.0, settings)
     parameters = Parameters(rows.values())
     return replace(plant, theta=whole, covariance=full, parameters=parameters, pi=found.pi, bodies=said)

@@ -16,7 +16,7 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
-from pinotwin.notebook import Card, Shown
+from pinotwin.notebook import Card, Shown, share_cell
 from pinotwin.twin import Twin
 
 Tell = Callable[[str, float], None]
@@ -59,7 +59,7 @@ class Improvement(Card):
         return [
             [
                 f"{k}" if step.kept else f"{k} (not kept)",
-                *(_percent(step.errors[name].get(signal)) for name in names for signal in ("u", "e")),
+                *(share_cell(step.errors[name].get(signal)) for name in names for signal in ("u", "e")),
             ]
             for k, step in enumerate(self.steps)
         ]
@@ -169,7 +169,3 @@ def _end(named: Sequence[str]) -> str:
     if not named:
         return "the diagnosis finds no further effect"
     return f"what the diagnosis finds is no part of a machine: {'; '.join(named)}"
-
-
-def _percent(x: float | None) -> str:
-    return "-" if x is None else f"{x:.2%}"
