@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_372,
+    lines: 55_365,
     module_numbers: 126,
-    numbers_without_unit: 315,
+    numbers_without_unit: 314,
     stories: 6,
 }
 

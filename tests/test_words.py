@@ -43,7 +43,7 @@ NOT_IN_DOCS = re.compile(
     re.IGNORECASE,
 )
 """Beside those above, where prose is written by hand."""
-MOST_WORDS, ALL_WORDS = 900, 16_480
+MOST_WORDS, ALL_WORDS = 900, 16_466
 """Of a page of the docs, and of all of them; the second may only fall."""
 DERIVATIONS = "derivations.md"
 """The appendix, which may be longer."""
