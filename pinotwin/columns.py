@@ -48,9 +48,7 @@ class Column:
     factor: float | str = 1.0  # remaining factor to SI, or the name of a scalar of the file that holds it
     offset: float = 0.0  # added after scaling [SI]
     rate: float | None = None  # sampling rate [Hz] of a clock without a column
-    wrap: float | None = (
-        None  # range of a counter that starts again, in ``unit``, before ``factor``: it is unwrapped
-    )
+    wrap: float | None = None  # range of a counter to unwrap, in ``unit`` before ``factor``
 
 
 def is_contract_name(name: str) -> bool:

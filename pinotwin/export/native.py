@@ -27,9 +27,7 @@ class Native:
     armature: Floats  # rotor inertia of each joint, shape (nv,)
     damping: Floats  # viscous friction [N·s/m or N·m·s/rad], shape (nv,)
     stiffness: Floats  # spring to zero [N/m or N·m/rad], shape (nv,)
-    friction: (
-        Floats  # dry friction that is the same at every speed in both directions [N or N·m], shape (nv,)
-    )
+    friction: Floats  # dry friction, the same at every speed and both ways [N or N·m], shape (nv,)
     ties: tuple[Tie, ...]  # motors that turn two joints
     rest: dict[str, Any]  # what is left, as :class:`pinotwin.export.runtime.Friction` takes it
     dry: list[dict[str, Any]]  # all dry friction, for a model whose own is switched off

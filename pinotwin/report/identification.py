@@ -47,7 +47,7 @@ def identification_report(
     """
     given, fitted = evidence(twin, logs), [logs] if isinstance(logs, Log) else list(logs)
     split, first = split_rigid_body(twin, given), [*validate, *fitted][0]
-    tied = {name for group in twin.groups for name in group}
+    tied, (head, weights, price) = {name for group in twin.groups for name in group}, bodies(twin)
     content = {
         "headline": headline(twin),
         "tiles_": tiles(axis_tiles(twin)),
@@ -58,8 +58,8 @@ def identification_report(
         "panels": Tabs({given.names[j]: axis_panel(twin, given, split, j) for j in given.measured}),
         **closed_loop_content(twin, first),
         "seen": "a log that was not used to fit" if validate else "the log that was fitted",
-        "bodies": table(*bodies(twin)[:2], numeric=(1, 2, 3)) if twin.bodies else None,
-        "price": "; ".join(bodies(twin)[2]),
+        "bodies": table(head, weights, numeric=(1, 2, 3)) if weights else None,
+        "price": "; ".join(price),
         "parameters": parameter_table(twin.parameters, list(twin.machine.axes)),
         "groups": [", ".join(map(str, group)) for group in twin.groups],
         "alone": [row for row in twin.parameters if not row.determined and row.name not in tied],

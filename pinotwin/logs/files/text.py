@@ -161,9 +161,8 @@ def _cleaned(body: _Body) -> _Body:
         return body
     layout, width = body.layout, len(body.names)
     blanks, mark = layout.delimiter == " ", layout.delimiter.encode()
-    timed = layout.header.clocks or any(
-        map(is_clock, body.names)
-    )  # else a row without a value still is a sample
+    # without a clock a row without a value still is a sample
+    timed = layout.header.clocks or any(map(is_clock, body.names))
     empty = None if width == 1 else mark + b' "\t' if timed else b""
     header = {line.strip(b" \r") for line in body.text[: body.start].split(b"\n")} - {b""}
     kept, numbers, taken = [], [], dict.fromkeys(_ASIDE, 0)
