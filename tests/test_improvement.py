@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -62,6 +63,18 @@ def test_a_step_that_does_not_help_is_not_kept(bare, logs, monkeypatch):
     stopped = improve(bare, logs[0], validate=logs[1])
     assert [step.kept for step in stopped.steps] == [True, False]
     assert {e.name for e in stopped.twin.machine.axes["X"].effects} == {"viscous"}
+
+
+def test_what_no_machine_can_hold_is_not_said_to_be_added(bare, logs, monkeypatch):
+    def with_a_disturbance(*given, **options):
+        d = pt.diagnose(*given, **options)
+        no_part = replace(d.effects[0], effect="external_force", listed=None) if d.effects else None
+        return replace(d, effects=[*d.effects, no_part] if no_part else d.effects)
+
+    monkeypatch.setattr("pinotwin.studies.improvement.diagnose", with_a_disturbance)
+    found = improve(bare, logs[0], validate=logs[1])
+    assert len(found.steps[1].added) == 2
+    assert not any("disturbance" in text or "external" in text for text in found.steps[1].added)
 
 
 def test_errors_of_several_axes_are_weighed_by_their_ratios():

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis import Diagnosis, diagnose
+from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.phrases import on_axis
+from pinotwin.diagnosis.result import Found
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -55,18 +56,18 @@ class Improvement(Card):
 
     def rows(self) -> list[list[str]]:
         """Return the cells of a table: step, error of the effort and of tracking on every axis, in per cent."""
-        names = list(self.steps[0].errors)
+        signals = [(name, signal) for name, row in self.steps[0].errors.items() for signal in row]
         return [
             [
                 f"{k}" if step.kept else f"{k} (not kept)",
-                *(share_cell(step.errors[name].get(signal)) for name in names for signal in ("u", "e")),
+                *(share_cell(step.errors[name].get(signal)) for name, signal in signals),
             ]
             for k, step in enumerate(self.steps)
         ]
 
     def head(self) -> list[str]:
         """Return the title of each column of :meth:`rows`."""
-        return ["step", *(f"{name}.{signal}" for name in self.steps[0].errors for signal in ("u", "e"))]
+        return ["step", *(f"{name}.{signal}" for name, row in self.steps[0].errors.items() for signal in row)]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin improve --json`` writes."""
@@ -106,13 +107,15 @@ def improve(
     steps = [Step((), sealed_errors(twin, sealed))]
     for k in range(1, most + 1):
         found = diagnose(believed, logs, seed=seed, report=_part(tell, k, most, "diagnosis: "))
-        richer, added = found.repaired(), _added(found)
-        if _parts(richer) == _parts(believed):
-            return Improvement(twin, steps, _end(added))
-        better = _identified(richer, logs, sealed, tell, k, most)
+        added = [
+            e for e in found.effects if _parts(replace(found, effects=(e,)).repaired()) != _parts(believed)
+        ]
+        if not added:
+            return Improvement(twin, steps, _end(found.effects))
+        better = _identified(richer := found.repaired(), logs, sealed, tell, k, most)
         errors = sealed_errors(better, sealed)
         kept = ratio(steps[-1].errors, errors) < 1.0
-        steps.append(Step(added, errors, kept))
+        steps.append(Step([_said(e) for e in added], errors, kept))
         if not kept:
             return Improvement(twin, steps, "what was found last does not help on the sealed log")
         believed, twin = richer, better
@@ -159,13 +162,13 @@ def _parts(machine: Machine) -> list[Any]:
     return [axes, dict(machine.passive), list(machine.model.inertias)]
 
 
-def _added(found: Diagnosis) -> list[str]:
-    """Return each named cause with its axis and its size."""
-    return [", ".join([on_axis(e.effect, e.axis), *map(size_text, told(e.size)[:3])]) for e in found.effects]
+def _said(e: Found) -> str:
+    """Return a named cause with its axis and its size."""
+    return ", ".join([on_axis(e.effect, e.axis), *map(size_text, told(e.size)[:3])])
 
 
-def _end(named: Sequence[str]) -> str:
+def _end(named: Sequence[Found]) -> str:
     """Return why nothing was added."""
     if not named:
         return "the diagnosis finds no further effect"
-    return f"what the diagnosis finds is no part of a machine: {'; '.join(named)}"
+    return f"what the diagnosis finds is no part of a machine: {'; '.join(map(_said, named))}"
