@@ -10,7 +10,9 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.analysis.comparison import compare
+from pinotwin.cli.compare import moved_lines
 from pinotwin.cli.main import main
+from pinotwin.loop.servo import FOLLOWING, Servo
 from pinotwin.report.comparison import effort_grade
 from pinotwin.twin import Parameter
 from tests.simulated import known_twin, plain_machine, smooth_command
@@ -158,3 +160,22 @@ def test_a_twins_error_is_graded_by_what_it_left_of_its_own_logs():
 def test_what_is_neither_is_one_line(tmp_path, capsys):
     assert main(["compare", str(tmp_path), str(tmp_path), "--out", str(tmp_path / "o")]) == 2
     assert "neither twin.json nor diagnosis.json" in capsys.readouterr().err
+
+
+def test_a_controller_that_was_tuned_is_said_though_the_plant_is_as_it_was(tmp_path):
+    """Kv = kp / (1 - ffv) goes from 15 to 90 1/s."""
+    twins = []
+    for seed, (kp, ffv) in enumerate([(17.0, -0.12), (12.0, 0.867)]):
+        servo = Servo.of_cascade(kp, 5000.0, 40.0, ffv, 30.0)
+        errors = {FOLLOWING: 2e-4, "kp": 0.2, "kv": 50.0, "rate": 0.5, "ffv": 0.005, "ffa": 1.0}
+        servo = dataclasses.replace(servo, errors=errors)
+        dataclasses.replace(twin_of(seed), servos={"Y": servo}).save(tmp_path / str(seed))
+        twins.append(tmp_path / str(seed))
+    found = compare(*twins)
+    assert found.moved == ()
+    assert "Controller: Y.Kv, Y.ffv moved." in found.sentence
+    row = found.to_dict()["controller"][0]
+    values = [row["values"][label]["value"] for label in found.labels]
+    assert values == pytest.approx([17.0 / 1.12, 12.0 / 0.133])
+    assert any("Y.Kv" in line for line in moved_lines(found))
+    assert ">Y.Kv<" in found.save(tmp_path / "out").joinpath("compare.html").read_text()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pinotwin.loop import Servo
 from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import DISTANCE
+from pinotwin.loop.servo import DISTANCE, FOLLOWING
 
 LAG = 4e-4
 
@@ -155,3 +155,18 @@ def test_what_is_said_is_written_and_read_again() -> None:
     assert written["intervals"]["kv"] == pytest.approx(servo.intervals()["kv"])
     assert written["combined"]["kp + rate"] == pytest.approx(110.0)
     assert Servo.from_dict(written) == servo
+
+
+def test_following_error_at_constant_velocity_and_its_interval() -> None:
+    for rate, weight in ((50.0, 1.0), (50.0, 0.7), (0.0, 1.0)):
+        servo = Servo.of_cascade(60.0, 5000.0, rate, 0.9, 30.0, weight=weight, velocity_lag=LAG)
+        assert servo.service()["Kv"][0] == pytest.approx(600.0)
+    servo = replace(with_errors(cascade(), 0.005), errors={FOLLOWING: 1e-4})
+    assert servo.service()["Kv"][1:] == pytest.approx(
+        (1.0 / (1 / 600 + 1.645e-4), 1.0 / (1 / 600 - 1.645e-4))
+    )
+    full = Servo.of_cascade(60.0, 5000.0, 50.0, 1.0, 30.0)
+    assert full.service()["Kv"][0] == np.inf
+    wide = replace(cascade(), errors={FOLLOWING: 2e-3}).service()["Kv"]
+    assert wide[2] == np.inf
+    assert json.loads(json.dumps(full.to_dict(), allow_nan=False))["service"]["Kv"]["value"] is None

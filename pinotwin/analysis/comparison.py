@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, plain
 from pinotwin.effects import effect_name, known
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.loop.servo import FOLLOWING
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.simulation import compare as score
 from pinotwin.simulation import simulate
@@ -63,22 +64,21 @@ class Row:
     def as_dict(self, labels: Sequence[str]) -> dict[str, Any]:
         """Return the row for JSON."""
         pairs = list(zip(self.values, self.errors, strict=True))
-        known = [np.isfinite(x) for x, _ in pairs]
-        both = known[0] and known[-1]
         half = Z90 * self.change_error
-        return {
+        row = {
             "name": self.name,
             "effect": self.effect,
             "unit": self.unit,
             "values": {
-                label: {"value": x, "interval90": [x - Z90 * e, x + Z90 * e]} if ok else None
-                for label, (x, e), ok in zip(labels, pairs, known, strict=True)
+                label: {"value": x, "interval90": [x - Z90 * e, x + Z90 * e]} if np.isfinite(x) else None
+                for label, (x, e) in zip(labels, pairs, strict=True)
             },
-            "change": self.change if both else None,
-            "change_interval90": [self.change - half, self.change + half] if both else None,
-            "p": self.p if np.isfinite(self.p) else None,
+            "change": self.change,
+            "change_interval90": [self.change - half, self.change + half] if np.isfinite(half) else None,
+            "p": self.p,
             "moved": self.moved,
         }
+        return plain(row)  # type: ignore[no-any-return]
 
 
 class Compared(Drawn):
@@ -120,6 +120,7 @@ class Comparison(Compared):
     widening: Mapping[str, float]
     rows: tuple[Row, ...]
     only: Mapping[str, tuple[str, ...]]
+    controller: tuple[Row, ...] = ()  # what the drives are set to, see Servo.service
     errors: Mapping[str, Mapping[str, Mapping[str, Mapping[str, float]]]] = field(default_factory=dict)
     shifts: Mapping[str, tuple[str, float, str]] = field(default_factory=dict)
     log: str = ""
@@ -133,6 +134,11 @@ class Comparison(Compared):
         return tuple(sorted((row for row in self.rows if row.moved), key=lambda row: row.p))
 
     @property
+    def retuned(self) -> tuple[Row, ...]:
+        """Numbers of the controllers that moved."""
+        return tuple(row for row in self.controller if row.moved)
+
+    @property
     def causes(self) -> tuple[tuple[str, str, int], ...]:
         """Effects of which parameters moved: key, title, and how many; most significant first."""
         count = Counter(row.effect for row in self.moved)
@@ -142,11 +148,13 @@ class Comparison(Compared):
     def sentence(self) -> str:
         """The result in one sentence."""
         asked = sum(np.isfinite(row.p) for row in self.rows)
+        drives = ", ".join(row.name for row in self.retuned)
+        told = f" Controller: {drives} moved." if drives else ""
         if not self.moved:
-            return f"None of {asked} parameters moved beyond chance."
+            return f"None of {asked} parameters moved beyond chance.{told}"
         named = ", ".join(key for key, *_ in self.causes[:4])
         more = f" and {len(self.causes) - 4} more effects" if len(self.causes) > 4 else ""
-        return f"{len(self.moved)} of {asked} parameters moved: {named}{more}."
+        return f"{len(self.moved)} of {asked} parameters moved: {named}{more}.{told}"
 
     def _shown(self) -> Shown:
         """Return what moved, for a notebook and for ``repr``."""
@@ -166,6 +174,7 @@ class Comparison(Compared):
             "moved": [row.name for row in self.moved],
             "causes": [{"effect": k, "title": title, "parameters": n} for k, title, n in self.causes],
             "parameters": [row.as_dict(self.labels) for row in self.rows],
+            "controller": [row.as_dict(self.labels) for row in self.controller],
             "only_in": {label: list(names) for label, names in self.only.items()},
             "log": self.log or None,
             "errors": self.errors,
@@ -213,6 +222,7 @@ def compare(
         widening,
         _discoveries(rows, false_discoveries),
         only,
+        _discoveries(tuple(_drives(given)), false_discoveries),
         data={name: tuple(twin.data) for name, twin in zip(names, given, strict=True)},
         false_discoveries=false_discoveries,
     )
@@ -255,6 +265,22 @@ def _rows(
         if (own := tuple(name for name in table if held[name] == 1))
     }
     return tuple(rows), only
+
+
+def _drives(twins: Sequence[Twin], unknown: tuple[float, ...] = (np.nan,) * 3) -> Iterator[Row]:
+    """Yield what the drives of every axis are set to; Kv is tested by its inverse, which has no pole."""
+    for name, axis in twins[0].machine.axes.items():
+        servos = [twin.servos.get(name) for twin in twins]
+        told = [{} if servo is None else servo.service() for servo in servos]
+        gain, mass = ("N·m·s/rad", "kg·m²") if axis.rotary else ("N·s/m", "kg")
+        for what, unit in {"Kv": "1/s", "kv": gain, "reset time": "s", "ffv": "", "ffa": mass}.items():
+            x = np.array([row.get(what, unknown)[0] for row in told])
+            asked = np.array([row.get(FOLLOWING if what == "Kv" else what, unknown) for row in told])
+            errors = (asked[:, 2] - asked[:, 1]) / (2.0 * Z90)
+            p = _chance(asked[:, 0], np.where(errors > 0.0, errors, np.nan))
+            errors = errors * x**2 if what == "Kv" else errors
+            if not np.isnan(x).all():
+                yield Row(f"{name}.{what}", f"{name}.servo", unit, tuple(x), tuple(errors), p)
 
 
 def _overfit(twin: Twin, axis: str) -> float:

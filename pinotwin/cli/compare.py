@@ -49,8 +49,8 @@ def moved_lines(found: Comparison) -> list[str]:
     from pinotwin.report.comparison import effort_grade
 
     lines = [found.sentence]
-    width = min(max([len(row.name) for row in found.moved[:10]], default=0), 34)
-    for row in found.moved[:10]:
+    width = min(max([len(row.name) for row in (*found.moved[:10], *found.retuned)], default=0), 34)
+    for row in (*found.moved[:10], *found.retuned):
         told = " -> ".join(f"{x:.4g}" for x in row.values)
         lines.append(f"  {row.name:<{width}}  {told} {row.unit}  (± {1.6449 * row.change_error:.2g})")
     for axis, signals in found.errors.items():

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import msgspec
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, plain
 from pinotwin.errors import InputError, nearest
 from pinotwin.loop.roots import Roots
 
@@ -47,6 +47,8 @@ INPUTS = ("e", "v", "vr", "ar")
 """What a law takes: tracking error, velocity, velocity and acceleration of the command."""
 DISTANCE = "apart"
 """Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
+FOLLOWING = "1/Kv"
+"""Name under which the error of :meth:`Servo.following` is kept: smooth where Kv itself goes through infinity."""
 Form = Literal["general", "cascade", "pid", "proportional"]
 
 
@@ -150,6 +152,27 @@ class Servo:
         if found["rate"] <= 0.0:
             return {}
         return {"kp + rate": found["kp"] + found["rate"], "kp * rate": found["kp"] * found["rate"]}
+
+    def following(self) -> float:
+        """Return 1/Kv [s]: following error over command velocity, at constant velocity."""
+        k_e, k_i, k_v, k_vr, k_w, _ = self.gains
+        error, size = (-k_w, k_i) if k_i != 0.0 else (k_v - k_vr, k_e)
+        return error / size if size != 0.0 else math.inf
+
+    def service(self) -> dict[str, tuple[float, float, float]]:
+        """Return the numbers a drive is set up with [SI]: value and ends of the 90 % interval (NaN: not known).
+
+        Kv [1/s] is the command's velocity over the following error, infinite where there is none.
+        """
+        named, unknown = self.named(), (math.nan, math.nan)
+        late, ends = self.following(), self.intervals()
+        half = TWO_SIDED * self.errors.get(FOLLOWING, math.nan)
+        out = {FOLLOWING: (late, late - half, late + half)}
+        out["Kv"] = _inverse(*out[FOLLOWING])
+        if named.get("rate", 0.0) > 0.0:
+            out["reset time"] = _inverse(named["rate"], *ends.get("rate", unknown))
+        told = (name for name in ("kv", "ffv", "ffa") if name in named)
+        return out | {name: (named[name], *ends.get(name, unknown)) for name in told}
 
     @property
     def tied(self) -> bool:
@@ -297,12 +320,23 @@ class Servo:
             k: list(ends) for k, ends in self.intervals().items() if np.isfinite(ends).all()
         }
         values["determined"] = self.determined()
-        return {**values, "limit": self.limit if math.isfinite(self.limit) else None}
+        values["service"] = {
+            name: {"value": x, "interval90": list(ends)} for name, (x, *ends) in self.service().items()
+        }
+        return plain(values)  # type: ignore[no-any-return]
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the controller that :meth:`to_dict` wrote."""
         return msgspec.convert({name: x for name, x in values.items() if x is not None}, cls)
+
+
+def _inverse(x: float, low: float, high: float) -> tuple[float, float, float]:
+    """Return 1/x and its interval, which has no end where that of x holds zero."""
+    value = 1.0 / x if x != 0.0 else math.inf
+    if low <= 0.0 <= high:
+        return (value, 1.0 / high, math.inf) if x >= 0.0 else (value, -math.inf, 1.0 / low)
+    return value, 1.0 / high, 1.0 / low
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:

@@ -136,6 +136,12 @@ def servo_table(servos: Mapping[str, Servo]) -> Html:
             shown = f"{factor * value:.4g} {unit}".strip()
             remark = _remark(servo, name, determined)
             rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
+        for name, unit in (("Kv", "1/s"), ("reset time", "s")):
+            if name in (service := servo.service()):
+                value, low, high = service[name]
+                shown = f"{value:.4g} {unit}" if math.isfinite(value) else "no following error"
+                between = "" if math.isnan(low) else f"{low:.4g} to {high:.4g}"
+                rows.append(["", name, shown, between, ""])
     return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
 
 

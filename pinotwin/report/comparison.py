@@ -36,6 +36,7 @@ def comparison_report(found: Comparison) -> str:
         "found": found,
         "tiles_": _tiles(found),
         "moved": _table(found, found.moved) if found.moved else "",
+        "controller": _table(found, found.controller) if found.controller else "",
         "plots": _moved(found),
         "effect_title": effect_title,
         "errors": _errors(found),
@@ -157,7 +158,7 @@ def _moved(found: Comparison, most: int = 12) -> list[Block]:
     if len(found.labels) <= 2:
         return _pairs([_changes(found)]) if found.moved else []
     plots = []
-    for row in found.moved[:most]:
+    for row in (*found.moved[:most], *found.retuned):
         error = [Z90 * e for e in row.errors]
         figure = _over_labels(found.labels, row.values, effect_colour(row.effect), error)
         plots.append(Plot(figure.update_yaxes(title_text=row.unit), row.name, "bars: 90 % interval"))
@@ -178,7 +179,7 @@ def _table(found: Comparison, rows: Sequence[Row]) -> Html:
     body = []
     for row in rows:
         cells = [_value(x, e) for x, e in zip(row.values, row.errors, strict=True)]
-        half, known = Z90 * row.change_error, np.isfinite(row.change)
+        half, known = Z90 * row.change_error, np.isfinite(row.change + row.change_error)
         change = f"{row.change:z.4g}{_share(row)}" if known else ""
         interval = f"{row.change - half:z.4g} to {row.change + half:z.4g}" if known else ""
         body.append((row.name, row.unit, *cells, change, interval, "moved" if row.moved else ""))
@@ -186,6 +187,8 @@ def _table(found: Comparison, rows: Sequence[Row]) -> Html:
 
 
 def _value(x: float, error: float) -> str:
+    if np.isinf(x):
+        return "no following error"
     return " ± ".join(with_error(x, Z90 * error)) if np.isfinite(x) else "not determined"
 
 

@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Found, misfit
 from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, PLANT, AxisProblem
 from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
+from pinotwin.loop.servo import DISTANCE, FOLLOWING, SHAPES, Servo
 from pinotwin.solve.sandwich import batch_means
 
 LAW_ERROR, FORWARD_ERROR = 1.5, 4.0
@@ -128,7 +128,7 @@ def with_errors(
 
 def _told(servo: Servo) -> dict[str, float]:
     """Return the values that get an error: smooth in the gains, a cascade's in the middle between its roots."""
-    named, out = servo.named(), {k: getattr(servo, k) for k in SHAPES}
+    named, out = servo.named(), {k: getattr(servo, k) for k in SHAPES} | {FOLLOWING: servo.following()}
     if servo.form == "pid" or not servo.combined():
         return {**named, **servo.combined(), **out}
     roots = Roots.of(servo.gains, servo.velocity_lag)
@@ -152,6 +152,9 @@ def doubted(
         moved = _told(replace(servo, velocity_lag=servo.velocity_lag + clock))
     A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
     size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
+    told = {} if servo.form == "pid" else servo.cascade()
+    ahead = told["ffv"] / told["kp"] if told.get("kp") else 0.0
+    size[FOLLOWING] = float(np.hypot(found[FOLLOWING], ahead))  # that of (1 - ffv) / kp
     out, apart = dict(errors), ("kp", "rate", DISTANCE) if DISTANCE in errors else ()
     for name in errors:
         if name in SHAPES:
