@@ -46,12 +46,7 @@ CAUSES = (
 
 
 def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, Floats]:
-    """Return the constant diagonals M_D, C and K of a plant over the travel of a motion, each (nv,).
-
-    The keys are ``inertia``, ``viscous`` and ``stiffness``; the result is stored as
-    ``twin.diagonal``, since the closed loops depend on it. With passive joints there is also ``ground``:
-    the inertia of those that an axis sits on, when both are counted from the ground (Eq. 5.4).
-    """
+    """Return ``inertia``, ``viscous``, ``stiffness`` (and ``ground``, Eq. 5.4) over a motion, diagonals (nv,)."""
     q = np.concatenate([motion.q[s] for s in motion.segments])
     M = mean_inertia(plant, halton(postures, q.min(axis=0), q.max(axis=0)))
     found = {"inertia": np.diag(M).copy(), **linear_terms(plant)}
@@ -104,12 +99,7 @@ def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
 def generalised_disturbance(
     plant: OpenLoop, motion: Motion, diagonal: Mapping[str, Floats], *, modes: bool = True
 ) -> Floats:
-    """Return the generalised disturbance of a motion, shape (n, nv) [N or N·m] (Eq. 4.4, 4.19).
-
-    External loads of the log are part of it, with the sign of a disturbance. ``modes`` says whether loads that hang
-    on an axis by a spring are: a free loop has them among its poles. ``diagonal`` is M_D, C and K as :func:`diagonal`
-    returns them.
-    """
+    """Return the generalised disturbance of a motion, (n, nv) [N or N·m] (Eq. 4.4); ``modes``: loads on springs too."""
     total = plant.rigid_effort(motion.q, motion.v, motion.a)
     motion = plant.scene(motion)
     for effect, theta in plant.pairs:
@@ -121,11 +111,7 @@ def generalised_disturbance(
 
 
 def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> dict[str, Floats]:
-    """Return the generalised disturbance of a motion by its causes, each of shape (n, nv) [N or N·m].
-
-    With :func:`linear` they sum to ``twin.effort(motion)``. Absent causes are left out. See
-    :func:`generalised_disturbance` for ``modes``.
-    """
+    """Return the same by its causes; with :func:`linear` they sum to ``twin.effort(motion)``, (n, nv) [N or N·m]."""
     if not plant.diagonal:
         raise DataError(f"{plant.machine.name}: the twin holds no diagonal; identify it again")
     parts: dict[str, Floats] = {}

@@ -134,11 +134,7 @@ def _left(summary: Mapping[str, Any], moving: Mask) -> Floats:
 
 
 def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
-    """Return the error of the twin's effort in a motion [N or N·m], shape (n, nv).
-
-    Where an effect is not known at all, beyond the knots of a table, it may be anything of the size that it has on the
-    twin's own logs.
-    """
+    """Return the error of the twin's effort in a motion, (n, nv) [N or N·m]; of an unknown effect its whole size."""
     error = twin.effort_error(motion)
     for effect, theta in twin.pairs:
         strange = ~effect.known(motion)

@@ -232,11 +232,7 @@ def _mode(M: Floats, shape: np.ndarray, frequency: float, damping: float) -> Mod
 
 
 def animate(found: Modes, number: int, reach: float, seconds: float = 2.0) -> tuple[Floats, Floats]:
-    """Return times (n,) [s] and configurations (n, nv) that show one mode, 1 the slowest, over one period.
-
-    It is slowed down and enlarged: ``reach`` is the largest amplitude of a joint, in units of its shape scaled to a
-    largest entry of 1.
-    """
+    """Return times (n,) [s] and configurations (n, nv) of one mode over a period, ``reach`` at its largest."""
     if not 1 <= number <= len(found):
         known = ", ".join(f"{m.frequency:.3g} Hz" for m in found.modes) or "none"
         raise MachineError(

@@ -128,11 +128,7 @@ def _by_motion(t: Floats, q: Floats, index: _Ticks, smoother: float, whole: floa
 
 
 def _settle(at: Floats, q: Floats, smoother: float, stands_out: float = 100.0) -> None:
-    """Move, in place, what follows a skip by a tick or two where that makes the positions (n, k) far smoother.
-
-    A longer skip bends the velocity that it is itself told by: five ticks are taken for four, and stay so. Tried is
-    one whose squared roughness ``stands_out`` so many times from that of a usual row.
-    """
+    """Move, in place, what follows a skip by a tick or two where that makes the positions (n, k) far smoother."""
     kept = np.flatnonzero(np.isfinite(at))
     if len(kept) <= _WINDOW:
         return

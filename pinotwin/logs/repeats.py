@@ -13,11 +13,7 @@ _LATEST = 0.25  # that one run may begin later than the other [s]
 
 
 def same_motion(a: Motion, b: Motion, commanded: float = 0.01, measured: float = 0.05) -> bool:
-    """Return whether two prepared logs of one machine are repeats of one motion.
-
-    Commands are compared where both have them, up to a difference of ``commanded`` standard deviations, else measured
-    positions, which scatter more (``measured``) and may begin a little later. Axes that hardly move have no say.
-    """
+    """Whether two prepared logs are repeats: alike to a share of a standard deviation, in command, else in position."""
     x, y, allowed = a.q, b.q, measured
     if a.qr is not None and b.qr is not None:
         x, y, allowed = a.qr, b.qr, commanded

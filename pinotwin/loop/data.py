@@ -102,11 +102,7 @@ class LoopData:
 
     @classmethod
     def of_axis(cls, motion: Motion, joint: int, d: Floats) -> Self:
-        """Return the loop of one axis of a prepared log: its command, e and u, and a disturbance (n,).
-
-        Raises:
-            DataError: the log has no command.
-        """
+        """Return the loop of one axis of a prepared log: its command, e and u, and a disturbance (n,)."""
         if motion.qr is None:
             raise DataError(f"{motion.source}: no command in the log")
         e = motion.error[:, joint]
@@ -124,11 +120,7 @@ class LoopData:
         return replace(self, segments=tuple(segments))
 
     def require_motion(self, rows: int = 64) -> None:
-        """Refuse data from which no loop can be identified, among them fewer rows than these.
-
-        Raises:
-            DataError: too short, or the axis never moves, or an output or disturbance is constant.
-        """
+        """Refuse data from which no loop can be identified, among them fewer rows than these."""
         if self.rows < rows:
             raise DataError(
                 f"{self.axis}: {self.rows} samples in unbroken segments, at least {rows} "

@@ -181,11 +181,7 @@ def _leading(section: Section, count: int) -> tuple[Floats, Floats]:
 def lay_out(
     structure: Structure, step: float, shape: tuple[int, int], bounds: Bounds | None = None
 ) -> Layout:
-    """Return the layout of a structure at a step [s], for numbers of disturbances and of outputs.
-
-    Raises:
-        InputError: a bound [Hz] or [-] for a parameter that does not exist, or an empty interval.
-    """
+    """Return the layout of a structure at a step [s], for numbers of disturbances and of outputs."""
     sections = structure.sections(step)
     parameters = _parameters(sections, step, bounds or {})
     slots: list[Slot] = []

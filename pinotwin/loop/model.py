@@ -90,11 +90,7 @@ class LoopModel:
         return np.concatenate([np.roots(_factor(s)) for s in self.sections])
 
     def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
-        """Return numerator and denominator of a transfer function, highest power of s first.
-
-        For the command the numerator holds the factor s; both are as the structure says (the zeros
-        that it demands are exactly zero, and the gain of u to its own d is exactly 1).
-        """
+        """Return numerator and denominator, highest power of s first, with the zeros that the structure demands."""
         places = self._place(output, self.outputs, "output"), self._place(input, self.inputs, "input")
         return _fraction(self, *places)
 
@@ -238,11 +234,7 @@ class LoopModel:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the model that :meth:`to_dict` wrote.
-
-        Raises:
-            TwinError: a key is missing.
-        """
+        """Return the model that :meth:`to_dict` wrote; TwinError where a key is missing."""
         try:
             fit = values.get("fit")
             return cls(

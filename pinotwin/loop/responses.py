@@ -69,11 +69,7 @@ def triangle(blocks: Floats) -> Floats:
 
 
 def _factor(rows: Floats, panel: int = 8) -> Floats:
-    """Return the triangular factor of rows in Fortran order, which are overwritten.
-
-    LAPACK itself, since numpy copies and transposes every block twice on the way; and the routine that works off a
-    few columns at a time: dgeqrf takes blocks this narrow column by column, three times as long.
-    """
+    """Return the triangular factor of rows in Fortran order, overwritten; dgeqrf takes three times as long."""
     reflected, *_ = scipy.linalg.lapack.dgeqrt(min(panel, *rows.shape), rows, overwrite_a=True)
     return np.triu(reflected[: rows.shape[1]])
 

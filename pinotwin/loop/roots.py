@@ -39,11 +39,7 @@ class Roots(NamedTuple):
         return 0.5 * math.sqrt(max(self.apart + more, 0.0)) / self.square
 
     def rates(self, named: float, error: float, *, tied: bool) -> tuple[float, float]:
-        """Return the lowest and the highest 1/ti [1/s] for an ``error`` of ``apart`` at 90 %.
-
-        They are on the side of the middle on which the 1/ti ``named`` was found, or on both where it may as
-        well be ``tied``.
-        """
+        """Return the lowest and the highest 1/ti [1/s] at 90 %, on both sides of the middle where ``tied``."""
         far, near = self.half(error), self.half(-error)
         if tied:
             return self.rate - far, self.rate + far

@@ -124,11 +124,7 @@ class Servo:
         return {"kp": k_e / kv - rate, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight}
 
     def cascade(self) -> dict[str, float]:
-        """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight, as a cascade has them.
-
-        Where the feed-forward of velocity is complete, kp and 1/ti play the same part (the law is symmetrical
-        in them): the larger is then called kp. See :meth:`cascades` for the other one.
-        """
+        """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight; of two alike kp is the larger."""
         found = self.cascades()
         return found[0] if found else self._without_integral()
 

@@ -170,11 +170,7 @@ class Structure:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the structure that :meth:`to_dict` wrote, or that a machine.yaml describes.
-
-        Raises:
-            InputError: an unknown key.
-        """
+        """Return the structure that :meth:`to_dict` wrote, or that a machine.yaml describes."""
         known = cls.__dataclass_fields__
         given = {k: x for k, x in values.items() if k not in ("integrator", "inertia")}  # of former twins
         for key in given:

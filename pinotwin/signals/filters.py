@@ -30,11 +30,7 @@ BAND = (1.0, 60.0)
 
 
 def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None) -> Floats:
-    """Return ``x``, (n,) or (n, k), low-passed without phase (Butterworth of ``order``, forward and backward).
-
-    A corner [Hz] that is infinite or not below the Nyquist frequency changes nothing. Each unbroken stretch is
-    filtered by itself; rows outside pass.
-    """
+    """Return ``x``, (n,) or (n, k), low-passed without phase, stretch by stretch; corner in [Hz], infinite for none."""
     if not cutoff > 0 or order < 1:
         raise DataError(f"low-pass: corner {cutoff} Hz and order {order} must be above 0")
     x = np.asarray(x, dtype=float)
@@ -107,11 +103,7 @@ def derivatives(
     order: int = 4,
     segments: Segments = None,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the filtered signal and its first and second derivative.
-
-    The signal is filtered once; both derivatives are repeated central differences of the result
-    (the recipe of the thesis, Section 3.3, and of EMPS), so all three share one filter.
-    """
+    """Return the filtered signal and its first and second derivative, repeated central differences of it."""
     smooth = low_pass(x, rate, cutoff, order, segments)
     first = differentiate(smooth, 1.0 / rate, segments)
     return smooth, first, differentiate(first, 1.0 / rate, segments)

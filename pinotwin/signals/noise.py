@@ -19,11 +19,7 @@ def rms(x: Floats) -> float:
 
 
 def roughness(parts: Iterable[Floats]) -> float:
-    """Return the standard deviation of the noise on a smooth signal, quantisation included.
-
-    From third differences of its unbroken stretches, (n,) each, in which motion is small beside noise; by their
-    median, which jerks do not move.
-    """
+    """Return the standard deviation of the noise on a smooth signal (n,), from the median of third differences."""
     third = np.concatenate([np.zeros(0), *(np.abs(np.diff(x, 3)) for x in parts)])
     return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
 

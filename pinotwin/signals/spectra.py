@@ -115,11 +115,7 @@ def _corner(
     needed: float = 0.99,
     band: float = 0.9999,
 ) -> tuple[float, float, float, float] | None:
-    """Return the corners that one axis asks for, can bear, and needs, and where its motion's band ends.
-
-    None if it does not move. The shares are of noise in the acceleration's power that is bearable, of the velocity's
-    power that stays in any case, and of the acceleration's power below the motion's band.
-    """
+    """Return the corners that one axis asks for, can bear, and needs, and where its band ends; None at rest."""
     gain = (2.0 * np.sin(np.pi * f / rate) * rate) ** 4
     smooth = _half_octave_means(f, density)
     # Divided by f, the noise at the top of the band stays below the motion's own peak.

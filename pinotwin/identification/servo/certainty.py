@@ -28,12 +28,7 @@ PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
 def shared(
     looked: Sequence[tuple[AxisProblem, Found]], alike: float = 0.2
 ) -> list[dict[str, tuple[float, float]]]:
-    """Return usual shapes for every axis: what the other axes show, beside what drives have.
-
-    The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis' own
-    log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins. The
-    logarithm of a shape has a standard deviation of ``alike`` among them at least.
-    """
+    """Return usual shapes for every axis: what the other axes show, to ``alike``, beside what drives have."""
     logs, told = {}, {}
     for k, (p, f) in enumerate(looked):
         V = np.diag(np.linalg.pinv(f.jacobian.T @ f.jacobian, hermitian=True))
@@ -67,12 +62,7 @@ def same_gains(a: Servo, b: Servo, share: float = 0.02) -> bool:
 
 
 def spread(p: AxisProblem, found: Found) -> Floats:
-    """Return the covariance of what was searched, shape (k, k).
-
-    From the scores of blocks of rows longer than their memory, the belief in usual shapes, errors of the
-    size that counts as none (a law is never exact), and what is not known of the plant itself
-    (:data:`PLANT_ERROR`), whose error the gains take up.
-    """
+    """Return the covariance of what was searched, (k, k): by blocks of scores, and by the doubt of the plant."""
     n, count = len(found.residual), len(found.x)
     J, left = found.jacobian[:n], found.residual
     own = found.jacobian[n:]
@@ -152,12 +142,9 @@ def doubted(
         moved = _told(replace(servo, velocity_lag=servo.velocity_lag + clock))
     A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
     size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
-    told = {} if servo.form == "pid" else servo.cascade()
-    ahead = told["ffv"] / told["kp"] if told.get("kp") else 0.0
-    size[FOLLOWING] = float(np.hypot(found[FOLLOWING], ahead))  # that of (1 - ffv) / kp
     out, apart = dict(errors), ("kp", "rate", DISTANCE) if DISTANCE in errors else ()
     for name in errors:
-        if name in SHAPES:
+        if name in SHAPES or name == FOLLOWING:  # the error at constant velocity shows 1/Kv whatever the form
             continue
         if missed is not None:
             law = (FORWARD_ERROR if name == "ffa" else LAW_ERROR) * min(missed, 1.0)

@@ -173,11 +173,7 @@ def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12
 
 
 def _without_feedforward(p: AxisProblem, near: Servo, tells: float, steps: int) -> Servo | None:
-    """Return a proportional law without its feed-forward; None where its own error speaks for feed-forward.
-
-    Behind its command an axis without an integral has e, v and vr nearly in one ratio: feed-forward that the drive
-    does not have takes its part of both gains.
-    """
+    """Return a proportional law without feed-forward, which takes part of both gains; None where its error needs it."""
     e, _, v, *forward = near.gains
     if near.form != "proportional" or not any(forward):
         return None

@@ -106,11 +106,7 @@ def doubtful(judge: AxisProblem, found: Found, settings: Settings = USUAL, far: 
 
 
 def afresh(p: AxisProblem) -> list[Found]:
-    """Return answers from usual tunings over the band, the best first: for where least squares start badly.
-
-    Position loops of :data:`BANDWIDTHS` around the axis' inertia, as a cascade and as a PID, with and without
-    feed-forward.
-    """
+    """Return answers from usual tunings over the band of :data:`BANDWIDTHS`, the best first."""
     found = []
     for f in BANDWIDTHS:
         w, M = 2.0 * np.pi * f, p.inertia

@@ -96,11 +96,7 @@ def take_messages(content: Content, topic: str, prefix: str, arrays: Arrays, sou
 
 
 def streams(name: str, t: Floats, arrays: Arrays) -> tuple[list[Group], list[str]]:
-    """Return the groups of messages at ``t`` [s] that share the topic ``name``, and what was done, a sentence each.
-
-    Several publishers may share it, each at its own rate: a channel is NaN where a message does not hold it. A message
-    that repeats another with its stamp is dropped.
-    """
+    """Return the groups of messages at ``t`` [s] of one topic, NaN for what one does not hold, and what was done."""
     kept = fresh(t, arrays)
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
     rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
@@ -126,11 +122,7 @@ def known_rows(clock: str, arrays: Arrays) -> tuple[Floats, dict[str, NDArray[np
 
 
 def separated(clock: str, arrays: Arrays, t: Floats, known: Mapping[str, NDArray[np.bool_]]) -> list[Group]:
-    """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
-
-    Channels that are known in the same rows share a clock. One is apart where most of its rows are not those of the
-    largest group; without any, none are returned: what is missing then is missing.
-    """
+    """Return the groups of a table of several clocks in one column, of channels known in the same rows; or none."""
     rows: dict[bytes, list[str]] = {}
     for name, here in known.items():
         rows.setdefault(np.packbits(here).tobytes(), []).append(name)
@@ -148,11 +140,7 @@ def separated(clock: str, arrays: Arrays, t: Floats, known: Mapping[str, NDArray
 
 
 def written_on_change(arrays: Arrays, known: Mapping[str, NDArray[np.bool_]]) -> bool:
-    """Whether cells are empty because nothing changed.
-
-    Then most rows lack something and none lacks everything, no channel holds one value twice in succession, and
-    which are written together differs from row to row.
-    """
+    """Whether cells are empty because nothing changed: no channel repeats a value, rows differ in what they hold."""
     table = np.array(list(known.values()))
     if not len(table) or 2 * table.all(axis=0).sum() >= table.shape[1] or not table.any(axis=0).all():
         return False

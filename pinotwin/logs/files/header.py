@@ -146,11 +146,7 @@ def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str,
 
 
 def _labelled(above: list[list[str]], width: int) -> Header | None:
-    """Return the header of a scope whose rows begin with what they say, a clock a channel.
-
-    A row ``Name  pos  Name  vel`` (TwinCAT; ``Channel name`` of a DAQ) puts its label over each clock and the
-    channel's name over the channels that the clock stamps.
-    """
+    """Return the header of a scope whose rows begin with what they say (``Name pos Name vel``), a clock a channel."""
     rows = {row[0].casefold(): row for row in above if len(row) > 1 and row[0]}
     names = next((row for label, row in rows.items() if label.split()[-1] == "name"), None)
     if names is None or not {"unit", "symbolname", "sampletime[ms]"} & set(rows):

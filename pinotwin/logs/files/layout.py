@@ -170,12 +170,7 @@ def _numeric_rows(rows: Sequence[Sequence[str]]) -> tuple[list[int], int]:
 
 
 def _first_row(rows: Sequence[Sequence[str]]) -> int:
-    """Return the first row of numbers; without any, the row below the header (a table of words).
-
-    The rows of numbers decide which columns hold numbers; the first row that has them there is it.
-    A header block of ``Name;value`` rows does not: its first cell is a word. Rows of numbers of another
-    width right below the header belong to it, to be refused with their line.
-    """
+    """Return the first row of numbers in the columns that hold numbers, else the row below the header."""
     numeric, width = _numeric_rows(rows)
     if not numeric:
         usual = Counter(map(len, rows)).most_common(1)[0][0]

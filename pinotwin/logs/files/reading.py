@@ -171,11 +171,7 @@ def _format(path: Path, head: bytes) -> tuple[str, list[str]]:
 
 
 def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
-    """Join logs of equal length side by side.
-
-    A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a
-    clock that all files share, number for number, whatever its name, is kept once.
-    """
+    """Join logs of equal length side by side; a name in several files gets the file's stem in front."""
     lengths = {log.source: len(log) for log in logs}
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} {n}" for name, n in lengths.items())

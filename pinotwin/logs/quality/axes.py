@@ -154,11 +154,7 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
 def _lead_findings(
     table: Mapping[str, AxisQuality], limits: Mapping[str, Limits], step: float
 ) -> Iterator[Finding]:
-    """Say in one sentence by how much the efforts are ahead of, or behind, the positions.
-
-    Up to one step of the clock is the sampling of any digital controller and not worth a word; nor is what
-    machine.yaml states already.
-    """
+    """Say in one sentence by how much efforts lead the positions, beyond a step of the clock and what is stated."""
     sure = {
         name: (axis.lead, axis.lead_error)
         for name, axis in table.items()

@@ -12,11 +12,7 @@ _FLOAT = 1e-9  # numbers closer than this (relative) are equal but for rounding 
 
 
 def quantisation_step(x: Floats) -> float | None:
-    """Return the step of which (nearly) all differences between values are multiples, or None.
-
-    The smallest differences between neighbouring distinct values give a first guess; it holds if
-    95 % of the differences below 50 steps are whole multiples within a tenth.
-    """
+    """Return the step of which 95 % of the differences between values are multiples within a tenth, or None."""
     values = np.unique(x[np.isfinite(x)][:_MOST])
     if len(values) < 4:
         return None
@@ -35,11 +31,7 @@ def quantisation_step(x: Floats) -> float | None:
 
 
 def lattice(x: Floats) -> tuple[float, float] | None:
-    """Return step and origin of the lattice on which (nearly) all values of a channel lie, or None.
-
-    The step of neighbouring values is refined over ten times the range, and again, until it counts the steps of
-    all; 95 % must then lie within a tenth of a step of the lattice.
-    """
+    """Return step and origin of the lattice on which 95 % of a channel's values lie to a tenth of a step, or None."""
     step = quantisation_step(x)
     if step is None:
         return None
