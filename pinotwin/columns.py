@@ -21,14 +21,14 @@ import math
 import re
 from collections.abc import Container, Iterator, Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest
 from pinotwin.log import Log, split_unit
-from pinotwin.units import COUNTS, SI_FACTOR, si_factor
+from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
 POSITIONS = ("q", "qr", "ql")
@@ -49,6 +49,10 @@ class Column:
     offset: float = 0.0  # added after scaling [SI]
     rate: float | None = None  # sampling rate [Hz] of a clock without a column
     wrap: float | None = None  # range of a counter to unwrap, in ``unit`` before ``factor``
+    law: str = ""  # "pd": no column, the effort is kp (qr - q) + kd (qr' - q')
+    kp: float = 0.0  # gain of that law [``unit`` per m or rad], kd on the velocity
+    kd: float = 0.0
+    found: float = 0.0  # what `identify` found one unit of an effort without a factor to be [N or N·m]
 
 
 def is_contract_name(name: str) -> bool:
@@ -60,7 +64,7 @@ def is_contract_name(name: str) -> bool:
 
 
 def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ()) -> Log:
-    """Return the log with SI channels named per the contract; a bound log is returned as it is.
+    """Return the log with SI channels named per the contract; a bound log takes no more than a factor found since.
 
     Channels that are not mapped (or whose column is missing) but already have a name of the
     contract pass through: as SI, or converted where the file states another unit (said in the
@@ -70,7 +74,7 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
         LogError: a column or scalar is not in the file, or a unit is unknown.
     """
     if log.scale:
-        return log
+        return _sized(log, columns)
     channels: dict[str, Floats] = {}
     scale: dict[str, tuple[float, float]] = {}
     units: dict[str, str] = {}
@@ -82,9 +86,10 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
                 continue
             channels[name] = np.arange(len(log)) / column.rate
             notes.append(f"t: made from the rate {column.rate:g} Hz, not recorded")
+        if column.column is None:
             continue
         with suppress(LogError) if name in optional else nullcontext():
-            source = _find(log, column.column or name, name)
+            source = _find(log, column.column, name)
             if source is not None:  # else the log is in the names of the contract already
                 channels[name], units[name], scale[name], said = _mapped(log, name, column, source)
                 used.add(source)
@@ -103,10 +108,43 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
             "no columns are mapped; map them under `columns` in machine.yaml; "
             f"channels: {_some(list(log.channels))}"
         )
+    for name in [name for name, column in columns.items() if column.law]:
+        with suppress(LogError) if name in optional else nullcontext():
+            channels[name], units[name], scale[name] = _by_law(log, channels, name, columns[name])
     left = [name for name in log.channels if name not in used]
-    if left:
-        notes.append(f"not mapped and left out: {_some(left)}")
-    return Log(channels, log.source, log.scalars, tuple(notes), units, scale)
+    notes += [f"not mapped and left out: {_some(left)}"] if left else []
+    return _sized(Log(channels, log.source, log.scalars, tuple(notes), units, scale), columns)
+
+
+def unsized(log: Log) -> dict[str, str]:
+    """Return the efforts of a bound log that no factor turned into N or N·m -> what they are in."""
+    efforts = {name: unit for name, unit in log.units.items() if name.endswith(".u") and unit in ELECTRICAL}
+    factors = {name: abs(log.scale.get(name, (0.0, 0.0))[0]) for name in efforts}
+    return {name: ELECTRICAL[unit] for name, unit in efforts.items() if factors[name] == si_factor(unit)}
+
+
+def _sized(log: Log, columns: Mapping[str, Column]) -> Log:
+    """Return a bound log with the efforts that `identify` found the factor of in N or N·m."""
+    sizes = {name: columns[name].found for name in unsized(log) if name in columns and columns[name].found}
+    if not sizes:
+        return log
+    channels = {name: x * sizes[name] if name in sizes else x for name, x in log.channels.items()}
+    scale = {name: (size * log.scale[name][0], size * log.scale[name][1]) for name, size in sizes.items()}
+    return replace(log, channels=channels, scale={**log.scale, **scale})
+
+
+def _by_law(
+    log: Log, channels: Mapping[str, Floats], name: str, column: Column
+) -> tuple[Floats, str, tuple[float, float]]:
+    """Return the effort that a servo's law makes of command and position, shape (n,), its unit, factor and offset."""
+    axis = name.rpartition(".")[0]
+    if missing := [x for x in ("t", f"{axis}.qr", f"{axis}.q") if x not in channels]:
+        raise LogError(f"{log.source}: {name}: its law needs {', '.join(missing)}; map it under `columns`")
+    error = channels[f"{axis}.qr"] - channels[f"{axis}.q"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = column.kp * error + (column.kd * np.gradient(error, channels["t"]) if column.kd else 0.0)
+    factor = _scalar(log, column.factor, name)
+    return factor * np.where(np.isfinite(u), u, np.nan), column.unit or "law", (factor, 0.0)
 
 
 def _mapped(

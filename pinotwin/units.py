@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from typing import Any
 
 from pinotwin.errors import LogError, nearest
 
@@ -15,7 +17,7 @@ _REV = 2.0 * math.pi
 _G = 9.80665
 
 _SIZES = (
-    (1.0, "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC"),
+    (1.0, "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law"),
     (1.0, "°C K Hz"),
     (1e3, "kN kNm kA kW kHz"),
     (60.0, "min"),
@@ -44,9 +46,18 @@ SI_FACTOR = {unit: size for size, units in (*_SIZES, (1.0, " ".join(COUNTS))) fo
 ELECTRICAL = {
     **dict.fromkeys(("A", "Arms", "Apk", "mA", "kA"), "A"),
     **dict.fromkeys(("V", "mV"), "V"),
-    **dict.fromkeys(("%", "‰", "permille", "0.1%"), "parts of the rated effort"),
+    **dict.fromkeys(("%", "‰", "permille", "0.1%"), "rated effort"),
+    "law": "law units",
 }
 """Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one."""
+
+
+def in_log_unit(unit: str, rotary: bool, size: Mapping[str, Any]) -> tuple[str, float]:
+    """Return a unit with N or N·m by the log's own (``unit`` in ``size``, if any), and how many of the old it is."""
+    force = "N·m" if rotary else "N"
+    if not size or not unit.startswith(force):
+        return unit, 1.0
+    return ELECTRICAL[size["unit"]].split()[0] + unit.removeprefix(force), float(size["size"])
 
 
 _SPELLED = {

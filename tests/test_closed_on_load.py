@@ -32,7 +32,7 @@ GROWTH = 5e-4
 H = 1.25e-4
 
 
-def recorded(seed: int, seconds: float = 12.0, rate: float = 500.0) -> Log:
+def recorded(seed: int, seconds: float = 12.0, rate: float = 500.0, closed_on: str = "load") -> Log:
     """Return a log of the drive along a random command."""
     made = smooth_command(plain_machine("trunnion"), seconds, rate, seed=seed)
     t, qr = made.t, made["Y.qr"]
@@ -50,7 +50,7 @@ def recorded(seed: int, seconds: float = 12.0, rate: float = 500.0) -> Log:
             last = reading
         seen += 0.35 * ((reading - last) / H - seen)
         last = reading
-        wanted = kp * (r[k] - x) + 0.99 * vr[k] - seen
+        wanted = kp * (r[k] - (x if closed_on == "load" else reading)) + 0.99 * vr[k] - seen
         u = kv * wanted + total + ffa * ar[k]
         total += ki * wanted * H
         if k % sub == 0:
@@ -94,6 +94,14 @@ def test_the_regulated_position_is_what_is_identified_and_predicted(logs):
     assert errors["load", "e"] < 0.02
     assert errors["load", "u"] < 0.02
     assert errors["load", "e"] < 0.25 * errors["motor", "e"]
+
+
+@pytest.mark.parametrize("closed_on", ["load", "motor"])
+def test_a_loop_that_is_closed_on_the_load_is_proposed(closed_on):
+    twin = pt.identify(machine("motor"), recorded(3, closed_on=closed_on))
+    said = [x for x in twin.quality["warnings"] if "closed_on" in x]
+    wanted = "X: its law fits better with the position at the load; give loop: {X: {closed_on: load}}"
+    assert said == ([wanted] if closed_on == "load" else [])
 
 
 def test_the_gains_are_those_of_the_loop_that_is_closed(logs):

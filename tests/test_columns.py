@@ -124,7 +124,7 @@ def test_contract_names() -> None:
         assert not is_contract_name(name)
 
 
-_KEYS = "known: column, factor, offset, rate, unit, wrap"
+_KEYS = "known: column, factor, found, kd, kp, law, offset, rate, unit, wrap"
 _SIGNALS = "known: a, e, fx, fy, fz, mx, my, mz, q, ql, qr, temperature, u, v"
 
 BAD_MAPPINGS: list[tuple[object, str]] = [

@@ -34,6 +34,7 @@ from pinotwin.simulation import simulate
 from pinotwin.system.writing import as_path, whole_folder, write_json
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
+from pinotwin.units import in_log_unit
 
 Z90 = 1.6449
 """Half width of a 90 % interval in standard errors."""
@@ -252,7 +253,8 @@ def _rows(
     for name in (name for name, n in held.items() if n > 1):
         found = [table.get(name) for table in tables]
         first = next(row for row in found if row is not None)
-        known = [row if row is not None and row.determined and row.error > 0.0 else None for row in found]
+        alike = (None if row is None or row.unit != first.unit else row for row in found)
+        known = [row if row is not None and row.determined and row.error > 0.0 else None for row in alike]
         wider = widening.get(first.effect.split(".")[0], widening["rigid_body"])
         values = tuple(row.value if row is not None else np.nan for row in known)
         errors = tuple(wider * row.error if row is not None else np.nan for row in known)
@@ -272,10 +274,14 @@ def _drives(twins: Sequence[Twin], unknown: tuple[float, ...] = (np.nan,) * 3) -
     for name, axis in twins[0].machine.axes.items():
         servos = [twin.servos.get(name) for twin in twins]
         told = [{} if servo is None else servo.service() for servo in servos]
-        gain, mass = ("N·m·s/rad", "kg·m²") if axis.rotary else ("N·s/m", "kg")
+        sizes = [twin.quality.get("sizes", {}).get(name, {}) for twin in twins]
+        gain, mass = ("N·m·s/rad", "N·m·s²/rad") if axis.rotary else ("N·s/m", "N·s²/m")
         for what, unit in {"Kv": "1/s", "kv": gain, "reset time": "s", "ffv": "", "ffa": mass}.items():
-            x = np.array([row.get(what, unknown)[0] for row in told])
+            (unit, _), *_ = units = [in_log_unit(unit, axis.rotary, row) for row in sizes]
+            size = np.array([x if one == unit else np.nan for one, x in units])
+            x = np.array([row.get(what, unknown)[0] for row in told]) / size
             asked = np.array([row.get(FOLLOWING if what == "Kv" else what, unknown) for row in told])
+            asked = asked / size[:, None]
             errors = (asked[:, 2] - asked[:, 1]) / (2.0 * Z90)
             p = _chance(asked[:, 0], np.where(errors > 0.0, errors, np.nan))
             errors = errors * x**2 if what == "Kv" else errors

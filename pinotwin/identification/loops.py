@@ -40,7 +40,9 @@ from pinotwin.logs.prepare import EvenLogs
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
+from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.system.phrases import IDENTIFIED
 from pinotwin.twin import OpenLoop, Twin
 
 MODES = ((8.0, 0.3), (25.0, 0.05), (60.0, 0.2))
@@ -94,6 +96,11 @@ def close_loops(
     ]
     if not axes:
         return ClosedLoops(plant, warnings=tuple(said))
+    said += [
+        IDENTIFIED["on_load"].format(axis=name)
+        for name in axes
+        if _on_load(machine, motion, name, settings.pays)
+    ]
     found = fit_servos(plant, motion, raw, axes, lambda x, done: tell(x, 0.45 + 0.25 * done), settings)
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
@@ -114,6 +121,25 @@ def close_loops(
         quality={"servos": found.quality, "simulation": judged, **closed.quality},
         warnings=(*said, *found.notes, *closed.warnings),
     )
+
+
+def _on_load(machine: Machine, motion: Motion, name: str, pays: float) -> bool:
+    """Whether a law of the motor's encoder predicts unseen effort worse than one whose error is that at the load."""
+    i = machine.axes[name].index
+    if motion.ql is None or machine.regulated(name).endswith(".ql") or not np.ptp(motion.ql[:, i]) > 0.0:
+        return False
+    rows = np.r_[*motion.segments]
+    rows = rows[np.isfinite(motion.u[rows, i])]
+    half, left, u = len(rows) // 2, [], motion.u[rows, i]
+    q, v, qr, vr, ar = (
+        x[:, i] for x in (motion.q, motion.v, motion.qr, motion.vr, motion.ar) if x is not None
+    )
+    for error in (qr - q, qr - motion.ql[:, i]):
+        wound = np.cumsum(error) * motion.step
+        law = np.stack([error, wound, q, v, qr, vr, ar, np.ones(len(q))], axis=1)[rows]
+        gains = np.linalg.lstsq(law[:half], u[:half], rcond=1e-12)[0]
+        left.append(float(np.std(u[half:] - law[half:] @ gains)))
+    return left[1] < pays * left[0]
 
 
 def _by_encoders(

@@ -19,6 +19,7 @@ from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_plant, open_loop
+from pinotwin.identification.scale import Sizes, with_sizes
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import find_springs
 from pinotwin.log import Log
@@ -69,23 +70,23 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or (lambda stage, done: None)
     tell("preparing the log", 0.02)
-    machine, given, logs = _as_logged(as_machine(machine).listing(effects), as_logs(log), resample)
+    machine, logs, sizes = _as_logged(machine, effects, given := as_logs(log), resample, settings)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs, settings)
     even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
-    prepared = functools.partial(even.motion, cutoff=cutoff, decimate=decimate)
-    fitted = functools.partial(_plant, prepared=prepared, settings=settings)
+    fitted = functools.partial(_plant, even=even, cutoff=cutoff, decimate=decimate, settings=settings)
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     fit, validated, price = _with_bodies(machine, fit, consistent, settings)
     plant = open_loop(machine, fit)
     quality = judge(machine, fit, plant, validated, later) | {"consistency": price, "leads": leads}
+    quality["sizes"] = sizes.axes
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
     closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
-    said = [*warnings(quality, plant, fit.motion, settings), *closed.warnings]
-    return closed.twin(
+    said = [*sizes.notes(machine), *warnings(quality, plant, fit.motion, settings), *closed.warnings]
+    return replace(closed, plant=sizes.stated(closed.plant)).twin(
         quality={**quality, "warnings": [*bending_warnings(bending), *said], **closed.quality},
         data=[_provenance(item, fit.motion) for item in given],
         settings=preparation,
@@ -114,18 +115,20 @@ def _unseen(
 
 
 def _as_logged(
-    machine: Machine, given: list[Log], resample: float | None
-) -> tuple[Machine, list[Log], list[Log]]:
-    """Return the machine as its logs show it, these, and the same in the names of the contract.
+    given: MachineLike, effects: Any, raw: list[Log], resample: float | None, settings: Settings
+) -> tuple[Machine, list[Log], Sizes]:
+    """Return the machine as its logs show it, these bound, and what one unit of an effort without a factor is.
 
     It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
     """
-    machine = machine.require_physical()
+    machine = as_machine(given).listing(effects).require_physical()
+    machine = replace(machine, columns={k: replace(x, found=0.0) for k, x in machine.columns.items()})
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    logs = [bind(log, machine.columns) for log in given]
+    logs = [bind(log, machine.columns) for log in raw]
     seen = bends(machine, logs) or all(holds(log, name) for log in logs for name in machine.passive)
-    return machine if seen else machine.with_rigid_joints(), given, logs
+    machine, sizes = with_sizes(machine if seen else machine.with_rigid_joints(), logs, settings)
+    return machine, [bind(log, machine.columns) for log in logs], sizes
 
 
 def _completed(
@@ -167,9 +170,11 @@ def _with_leads(
     return machine, plant, said
 
 
-def _plant(machine: Machine, prepared: Callable[[Machine], Motion], settings: Settings) -> Plant:
+def _plant(
+    machine: Machine, even: EvenLogs, cutoff: float | None, decimate: int | None, settings: Settings
+) -> Plant:
     """Return the plant; a failure after repairs of the clock names these first."""
-    motion = prepared(machine)
+    motion = even.motion(machine, cutoff=cutoff, decimate=decimate)
     try:
         return fit_plant(machine, motion, settings)
     except DataError as error:

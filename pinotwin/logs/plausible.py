@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.columns import unsized
 from pinotwin.log import Log
 from pinotwin.logs.effort_alone import (
     Examined,
@@ -36,7 +37,6 @@ from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
-from pinotwin.units import ELECTRICAL, si_factor
 
 _WORDS = {
     "effort": "exchanged efforts of {0}",
@@ -60,21 +60,20 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
     out = [one for one in nonsense.values() if one is not None]
     swapped = list(exchanged(machine, motion.u, at, clear))
     rest = [axis for axis in clear if axis.name not in named(swapped)]
+    open_ = {*unsized(log), *(name for name, column in machine.columns.items() if column.found)}
     wrong_sign = list(turned_round(rest, fits))
     out += [*swapped, *late(rest, fits, motion.step), *wrong_sign]
     for axis in rest:
-        if axis.name not in named(wrong_sign):
+        if axis.name not in named(wrong_sign) and f"{axis.name}.u" not in open_:
             out += scaled(axis, fits[axis.name])
     return Examined(tuple(out), at, axes)
 
 
 def unit_findings(log: Log) -> list[Finding]:
-    """Say which efforts of a bound log are a drive's current or share: N and N·m are printed for them all the same."""
+    """Say which efforts of a bound log are in units of a drive, whose size in N or N·m `identify` finds."""
     of: dict[str, list[str]] = {}
-    for name, unit in log.units.items():
-        electrical = name.endswith(".u") and unit in ELECTRICAL
-        if electrical and abs(log.scale.get(name, (0.0, 0.0))[0]) == si_factor(unit):
-            of.setdefault(ELECTRICAL[unit], []).append(name)
+    for name, unit in unsized(log).items():
+        of.setdefault(unit, []).append(name)
     return [finding("effort_unit", ", ".join(names), unit=unit) for unit, names in of.items()]
 
 

@@ -83,6 +83,10 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
     for key in _REQUIRED:
         if not file.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
+    laws = {name: axis.pop("effort", file.get("effort")) for name, axis in file["axes"].items()}
+    laws = {f"{name}.u": law for name, law in laws.items() if law}
+    if laws:
+        spec = {**spec, "columns": {**laws, **(spec.get("columns") or {})}}
     parts = {"axes": file["axes"], "passive": file.get("passive", {})}
     _check_words(file["name"], file["urdf"], parts)
     urdf = path.parent / file["urdf"]
@@ -107,7 +111,7 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         passive=passive,
         imus=sections.imus(file.get("imus", {}), urdf),
         loop=sections.loops(file, tuple(axes)),
-        columns=sections.columns(file.get("columns", {}), (*axes, *passive), model),
+        columns=sections.columns({**laws, **file.get("columns", {})}, (*axes, *passive), model),
         transmission=sections.transmission(file.get("transmission", {}), axes, model.nv),
         data=sections.data_settings(file.get("data", {})),
         spec=spec,

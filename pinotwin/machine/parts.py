@@ -25,6 +25,10 @@ _Feedforward = Annotated[
     Literal["search"] | list[Positive], Meta(description="search, or a list of frequencies [Hz]")
 ]
 _Drop = Annotated[Count | list[Count], Meta(description="samples at the start and the end")]
+_Effort = Annotated[
+    dict[str, str | Number],
+    Meta(description="the law of a servo whose torque is not logged: {law: pd, kp: 40}"),
+]
 _Time = Annotated[Number | str, Meta(description="a time such as 3.5 ms")]
 _Row = (
     Annotated[list[Number], Meta(min_length=2, max_length=2, description="[from, to] in s")]
@@ -52,6 +56,7 @@ class Axis:
         min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
         min_acceleration: unless they accelerate harder than this [m/s² or rad/s²].
         lead: time by which its logged effort is ahead of its position [s]; None leaves it to `identify`.
+        effort: the law ``{law: pd, kp: ..., kd: ...}`` of a servo whose torque is not logged, as columns have it.
     """
 
     name: str = field(metadata=from_file())
@@ -65,6 +70,7 @@ class Axis:
     min_speed: NotNegative | None = None
     min_acceleration: Positive = np.inf
     lead: float | None = field(default=None, metadata=from_file(_Time))
+    effort: Mapping[str, Any] | None = field(default=None, metadata=from_file(_Effort))
 
 
 @dataclass(frozen=True)
@@ -161,6 +167,7 @@ class MachineFile:
     ] = (0.0, 0.0, -9.81)
     imus: dict[str, Imu] = field(default_factory=dict)
     loop: dict[str, LoopShape] = field(default_factory=dict)
+    effort: _Effort = field(default_factory=dict)
     columns: dict[str, Any] = field(default_factory=dict)
     transmission: dict[str, dict[str, Number]] = field(default_factory=dict)
     data: DataSettings = field(default_factory=DataSettings)

@@ -22,9 +22,10 @@ from pinotwin.units import SI_FACTOR
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
 _FACTOR = Annotated[Number | str, Meta(description="a number, or the name of one in the log")]
-_COLUMN = {"column": str | int, "unit": str, "factor": _FACTOR} | dict.fromkeys(
-    ("offset", "rate", "wrap"), Number
+_COLUMN: dict[str, Any] = {"column": str | int, "unit": str, "factor": _FACTOR} | dict.fromkeys(
+    ("offset", "rate", "wrap", "kp", "kd", "found"), Number
 )
+_COLUMN |= {"law": Annotated[str, Meta(pattern="^pd$", description="pd")]}
 
 
 def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
@@ -102,7 +103,9 @@ def _column(name: str, entry: Any, path: str) -> Column:
         raise MachineError(f"{path}.rate: only t may have a rate, above 0 Hz and instead of a column")
     if column.wrap is not None and (name.rpartition(".")[2] not in POSITIONS or column.wrap <= 0):
         raise MachineError(f"{path}.wrap: only q, qr and ql may wrap, after a range above 0")
-    if column.rate is None and column.column is None:
+    if column.law and not column.kp > 0.0:
+        raise MachineError(f"{path}: a law needs its gain kp")
+    if column.rate is None and column.column is None and not column.law and not column.found:
         raise MachineError(f"{path}: has no column; add column: <name in the log>")
     return column
 

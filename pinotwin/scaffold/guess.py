@@ -21,10 +21,9 @@ from pinotwin.log import Log
 from pinotwin.logs.files.cells import is_clock
 from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness, varies
 from pinotwin.scaffold.names import family, is_set_value, read_label
-from pinotwin.units import COUNTS, SI_FACTOR
+from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR
 
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
-_ELECTRIC = ("A", "Arms", "Apk", "mA", "kA", "V", "mV", "%", "‰", "permille", "0.1%")
 _SI_OF_TURN = {True: "rad", False: "m"}
 
 
@@ -327,11 +326,10 @@ def _efforts(table: _Table) -> list[str]:
                 "name the measured effort if there is one"
             )
         unit = table.log.units.get(column)
-        if unit in _ELECTRIC or unit is None:
+        if unit in ELECTRICAL or unit is None:
             what = f"is in {unit}" if unit else "states no unit"
             questions.append(
-                f"{axis}.u: {what}; give columns.{axis}.u a `factor` to N or N·m (torque constant x gear), "
-                "else masses come out in that unit"
+                f"{axis}.u: {what}; give columns.{axis}.u a `factor` to N or N·m (torque constant x gear) if known"
             )
     return questions
 

@@ -93,8 +93,8 @@ LOG = {
     "in machine.yaml a negative factor (or those of the position, if that is what is reversed)",
     "effort_scale": "is {times} for the URDF's masses. Check the masses, and unit and factor under columns "
     "in machine.yaml",
-    "effort_unit": "in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, "
-    "gravity and payload need the factor (torque constant x gear)",
+    "effort_unit": "in {unit} (no factor under columns): `identify` finds what one is in N or N·m from the "
+    "URDF's masses; give the factor (torque constant x gear) if you know it",
     "effort_exchanged": "the effort of {a} fits the motion of {b} and vice versa: exchange their "
     "columns in machine.yaml (or those of their positions)",
     "position_exchanged": "with the positions of {a} and {b} exchanged the efforts of the machine fit: "
@@ -117,6 +117,10 @@ LOG = {
 
 IDENTIFIED = {
     "unjudged": "This twin carries no judgement of itself: it was not identified from a log.",
+    "unit_URDF": "{axis}: 1 {unit} is {size:.3g} {effort} ({ends[0]:.3g} to {ends[1]:.3g}) by the URDF's masses",
+    "unit_given": "{axis}: 1 {unit} is {size:.3g} {effort} ({ends[0]:.3g} to {ends[1]:.3g}) by other axes' factors",
+    "unit_rod": "{axis}: the effort is in {unit} of unknown size; masses and {effort} are guesses",
+    "on_load": "{axis}: its law fits better with the position at the load; give loop: {{{axis}: {{closed_on: load}}}}",
     "short": "The log is too short to judge the twin on data that were not fitted.",
     "one": "{where}, the twin predicts the motor effort of {worst} to {size}.",
     "several": "{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}.",
