@@ -12,7 +12,9 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.identification.loops import loop_data
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Structure, identify_loop
+from pinotwin.loop.servo import FOLLOWING
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from pinotwin.virtual.withholding import changed
 from tests.slide import slide
 from tests.true_poles import closed_loop_poles
 
@@ -119,3 +121,18 @@ class TestHardData:
         loop = twin.loops.get("X") or identify_loop(loop_data(motion, d, "X"), Structure())
         assert np.max(loop.poles.real) < 0.0
         assert np.isfinite(loop.residues).all()
+
+
+def test_intervals_of_kv_hold_that_of_the_controller():
+    """Of ten 95 % intervals of 1/Kv two or more miss in one of twelve cases, three or more in one of ninety."""
+    machine = pt.Machine.load("emps")
+    plain = VirtualMachine.load(machine.path.parent)
+    rng, missed = np.random.default_rng(7), 0
+    for seed in range(10):
+        kp, ffv = plain.truth.axes["X"].controller.kp * rng.uniform(0.7, 1.3), rng.uniform(0.0, 0.95)
+        axes = {"X": changed(plain.truth.axes["X"], "controller", kp=kp, velocity_feedforward=ffv)}
+        virtual = replace(plain, truth=replace(plain.truth, axes=axes))
+        log = virtual.record(random_trajectory(virtual, 8.0, seed), seed=seed).to_log()
+        value, low, high = pt.identify(machine, log).servos["X"].service()[FOLLOWING]
+        missed += abs(value - (1.0 - ffv) / kp) > 1.96 / 1.645 * (high - low) / 2.0
+    assert missed <= 2
