@@ -62,7 +62,7 @@ def same_gains(a: Servo, b: Servo, share: float = 0.02) -> bool:
 
 
 def spread(p: AxisProblem, found: Found) -> Floats:
-    """Return the covariance of what was searched, (k, k): by blocks of scores, and by the doubt of the plant."""
+    """Return the covariance of what was searched, shape (k, k): by blocks of scores, and the doubt of the plant."""
     n, count = len(found.residual), len(found.x)
     J, left = found.jacobian[:n], found.residual
     own = found.jacobian[n:]
