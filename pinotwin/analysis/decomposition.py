@@ -146,10 +146,7 @@ def decompose(
 def _errors(
     loop: LoopModel, qr: Floats, vr: Floats, parts: Mapping[str, Floats], step: float, begun: float
 ) -> dict[str, Floats]:
-    """Return the tracking error that the command and each part of the disturbance make.
-
-    The simulation begins with the velocity ``begun``, and so does the part of the command.
-    """
+    """Return the tracking error that the command, from velocity ``begun``, and each part of the disturbance make."""
     none = np.zeros_like(qr)
     first = loop.modal(step).equilibrium(np.array([0.0, begun]))
     out = {COMMAND: loop.simulate(qr, none, first, vr=vr, step=step)[:, 0]}

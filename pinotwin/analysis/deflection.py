@@ -45,10 +45,7 @@ class Load:
     motion: Motion  # along which
 
     def response(self, spring: PassiveSpring, passes: int = 3) -> tuple[Floats, Floats, Floats]:
-        """Return deflection, velocity and acceleration of the joint, shape (n,) each.
-
-        In so many passes the inertia's change with the posture settles.
-        """
+        """Return deflection, velocity and acceleration of the joint, (n,) each; the inertia settles in passes."""
         mean = float(self.inertia.mean())
         wn, zeta = spring.mode(mean)
         x, v, a = np.zeros((3, len(self.torque)))

@@ -123,10 +123,7 @@ def joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
 
 
 def load_positions(machine: Machine, log: Log) -> Floats | None:
-    """Return positions measured at the load, shape (n, nv), NaN where there is no such encoder; None without.
-
-    They are in the joint's units and on its side of the transmission; missing values are zero.
-    """
+    """Return joint positions measured at the load, shape (n, nv), NaN without such an encoder; None without any."""
     x = np.full((len(log), machine.nv), np.nan)
     for name, axis in machine.axes.items():
         if f"{name}.ql" in log:

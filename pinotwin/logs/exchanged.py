@@ -101,10 +101,7 @@ def _is_seen(
 def _of_positions(
     own: Mapping[str, float], now: Mapping[str, float], who: Sequence[str], limit: Settings
 ) -> float:
-    """Return the ratio of what is left of all efforts with other positions of ``who`` to what is left as they are.
-
-    Two that were exchanged must both be closer; where one was reversed it may be another that is.
-    """
+    """Return what is left of all efforts with other positions of ``who`` over what is left as they are."""
     every = float(np.prod([now[n] / own[n] for n in own]))
     if len(who) == 1:
         closer = any(own[n] - now[n] > limit.clear and now[n] < 0.5 * own[n] for n in own)

@@ -58,10 +58,7 @@ def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "ax
 def closed(
     law: tuple[Floats, Floats, Floats, Floats], inertia: float, viscous: float, dead: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return A, B, C, D of the loop: inputs d, vr; outputs e, u; direct terms of vr, ar.
-
-    The dead time between u and the effort that acts is a Padé approximation of second order.
-    """
+    """Return A, B, C, D of the loop: inputs d, vr; outputs e, u; direct terms of vr, ar; dead time by Padé."""
     Ac, Bc, Cc, Dc = law
     nc = len(Ac)
     n = nc + 2 + (2 if dead > 0.0 else 0)

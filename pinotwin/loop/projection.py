@@ -112,10 +112,7 @@ class Projection:
         return _Columns(self.layout)
 
     def filtered(self, discrete: Discrete) -> Floats:
-        """Return all columns in blocks: states and derivatives, direct terms, outputs.
-
-        Shape (m, columns, BLOCK); rows past the end of a block are zero.
-        """
+        """Return states and derivatives, direct terms, outputs in blocks, (m, columns, BLOCK), zero past the end."""
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]

@@ -51,10 +51,7 @@ def starting_points(layout: Layout, count: int = 12) -> Floats:
 
 
 def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
-    """Return low, middle and high guess of a parameter [Hz] or [-].
-
-    Of several light pairs each has its own middle, over the band: two that start alike stay alike.
-    """
+    """Return low, middle and high guess of a parameter [Hz] or [-]; several light pairs each have their own."""
     if name == "pff":
         return 100.0, 400.0, 4000.0
     if name.startswith("p"):
@@ -72,11 +69,7 @@ def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
 def search(
     data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4, near: float = 1.1
 ) -> tuple[End, tuple[float, ...]]:
-    """Return the best poles on all data, and the costs of the different ends of the short search over the lowest.
-
-    It begins at ``starts``, shape (k, np), spread ones where absent; ``further`` short searches go on to their ends;
-    a second end is given up on all rows beyond ``near`` times the best cost.
-    """
+    """Return the best poles from ``starts``, shape (k, np), on all data, and the costs of other ends."""
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)

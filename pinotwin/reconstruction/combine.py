@@ -63,10 +63,7 @@ def _of_sensor(run: int, t: Floats, sensor: Sensor) -> Motion3:
 
 
 def combined(runs: Sequence[Motion3], delays: Sequence[float]) -> tuple[Motion3, Floats]:
-    """Return the mean of repeats on the first one's clock, and the spread of q, v, a between them.
-
-    The slow part of each angle differs by what its run could not observe; the mean weighs it alike.
-    """
+    """Return the mean of repeats on the first one's clock, and the spread of q, v, a between them."""
     first = runs[0]
     if len(runs) == 1:
         return first, np.full(3, np.nan)
@@ -80,10 +77,7 @@ def _moved(run: Motion3, delay: float, t: Floats) -> Motion3:
 
 
 def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats:
-    """Return signals (n, ...) with stamps ``source`` at the stamps t [s], (m,), by a cubic spline.
-
-    NaN where they are outside or in a hole of more than ``bridged`` steps.
-    """
+    """Return signals (n, ...) with stamps ``source`` at stamps t [s], (m,), by splines, NaN in a hole."""
     if len(t) == len(source) and np.allclose(t, source, rtol=0.0, atol=1e-9):
         return x
     good = np.isfinite(source) & np.isfinite(x.reshape(len(x), -1)).all(axis=1)

@@ -67,10 +67,7 @@ def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[
 
 
 def shares(result: BatchResult, servo: Sequence[ServoRun], found: Sequence[RunResult]) -> tuple[float, float]:
-    """Return hardening and hysteresis in a second pass as shares of the spring's torque at the largest deflection.
-
-    ``servo`` are the runs as the first pass took them, and ``found`` what it found.
-    """
+    """Return hardening, hysteresis in a second pass, as shares of the spring's torque at the largest deflection."""
     gain, _ = result.shared("gain")
     wn = 2.0 * np.pi * result.frequency[0]
     own = gain[-1 - len(WIDTHS) :] * _load_size(servo) / (wn**2 * _peak(found))

@@ -13,10 +13,7 @@ from pinotwin.machine import Machine
 
 
 def delay(machine: Machine, reference: Log, other: Log, same: float = 0.02) -> float:
-    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s], both bound logs.
-
-    The positions of repeats may differ by the share ``same`` of the motion.
-    """
+    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s], both bound logs."""
     (ta, a), (tb, b) = _positions(machine, reference), _positions(machine, other)
     step = float(np.median(np.diff(ta)))
     grids = [np.arange(t[0], t[-1], step) for t in (ta, tb)]

@@ -58,10 +58,7 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
 
 
 def _noise(y: Floats, quiet: Mask, window: int = 40) -> float:
-    """Return the standard deviation per axis in the quieter windows at rest; NaN without a rest.
-
-    A rest on a machine still rings down, so the lower quartile of short windows is taken.
-    """
+    """Return the standard deviation per axis in the quieter windows at rest, NaN without a rest."""
     count = len(y) // window
     windows = y[: count * window].reshape(count, window, -1)
     still = quiet[: count * window].reshape(count, window).all(axis=1)

@@ -63,10 +63,7 @@ def proportional(p: AxisProblem, near: Servo) -> Servo:
 
 
 def starts(p: AxisProblem, places: int = 3) -> list[Servo]:
-    """Return laws by least squares that keep the simulated axis on its command.
-
-    One without a notch and one for each of the places where it predicts best; the velocity's filter from a few trials.
-    """
+    """Return laws by least squares that keep the simulated axis on its command, with and without a notch."""
     columns = _columns(p)
     found = []
     for notch in ((0.0, 0.0, 1.0), *((f, *NOTCH) for f in NOTCHES)):

@@ -183,12 +183,7 @@ def descend(
     longest: float = 0.7,
     enough: float = 1e-3,
 ) -> tuple[Floats, Floats] | None:
-    """Return where a sum of squares is least near a start, and its residuals there (Levenberg-Marquardt).
-
-    Steps end where ``allowed``, each ``longest`` at most: a share of a gain, or of a shape's logarithm; slopes
-    are differences of a ``size``. The search ends when two steps in a row bring less than the share ``enough``:
-    one may be short where an axis sticks.
-    """
+    """Return where a sum of squares is least near a start, shape (k,), and its residuals (Levenberg-Marquardt)."""
     r = at(x)
     if r is None:
         return None

@@ -120,10 +120,7 @@ class AxisProblem:
     def fine_error(
         self, servo: Servo, window: slice, command: tuple[Floats, Floats], substeps: int
     ) -> Floats | None:
-        """Return the simulated error of a window at every internal step, shape (m,), or None if the axis runs away.
-
-        The command and its velocity are given at the internal steps.
-        """
+        """Return the simulated error of a window at every internal step, shape (m,), or None if the axis runs away."""
         rows = np.arange(window.stop - window.start)
         load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])
         h = self.step / substeps

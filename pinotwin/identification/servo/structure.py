@@ -85,10 +85,7 @@ def _with_friction(
     allowed: Callable[[Factors], bool],
     pays: float,
 ) -> Found | None:
-    """Return the law beside friction that predicts windows not fitted better; None where no refinement does.
-
-    First all of it, then what shows about standstill alone: the effort at speed tells the rest as well as the loop.
-    """
+    """Return the law beside friction that predicts windows not fitted better; None where no refinement does."""
     slow = tuple(name for name in friction if name in STANDSTILL)
     for names in dict.fromkeys((friction, slow)):
         refined = polish(train, best.servo, names, BRIEF + REPOLISH) if names else None
@@ -131,10 +128,7 @@ def settle(
     usual: Mapping[str, tuple[float, float]] = DRIVES,
     settings: Settings = USUAL,
 ) -> Found:
-    """Return the controller with its gains from all windows, its intervals, and the cascade that fits as well.
-
-    Where the log tells nothing of a shape it holds on to a usual one: what the other axes show, say.
-    """
+    """Return the controller with gains and shapes from all windows, intervals, and the cascade that fits as well."""
     p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
     last = last if p.holds(last.servo) else found
@@ -209,10 +203,7 @@ def simpler(p: AxisProblem, servo: Servo, slow: float = 1.0) -> list[Servo]:
 
 
 def _tied(servo: Servo, spread: float = 0.1) -> list[dict[str, float]]:
-    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round, a share apart at least.
-
-    What the search finds depends on which of the two is begun as the larger; the data tell, if anything does.
-    """
+    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round, a share apart at least."""
     found = []
     for named in servo.cascades():
         product = named["kp"] * named["rate"]

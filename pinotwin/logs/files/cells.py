@@ -98,12 +98,7 @@ def _list(cell: str | None) -> list[float]:
 
 
 def seconds(cells: pa.ChunkedArray) -> tuple[Floats, list[str]]:
-    """Return stamps [s] since the first, shape (n,), and what was done, in one sentence each.
-
-    A stamp that names its zone is taken in UTC. Without a date, or with one whose day and month cannot be told
-    apart, a time that falls back by more than half a day is on the next day. Where no zone is named, a clock that
-    leaps by an hour and goes on at its step was put to or from summer time.
-    """
+    """Return stamps [s] since the first, (n,), made to rise over midnight and summer time, and what was done."""
     found = pc.extract_regex(pc.replace_substring_regex(cells, _BASIC, _EXTENDED), _STAMP)
     hour, half, zone = _number(found, "H"), _texts(found, "half"), _texts(found, "zone")
     known = np.flatnonzero(np.isfinite(hour))

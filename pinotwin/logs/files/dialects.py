@@ -74,10 +74,7 @@ def _shdr(text: bytes) -> Plain:
 
 
 def _unpaired(text: bytes) -> Plain:
-    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``.
-
-    One value a row only if all rows say so: a word before a number may be a mode.
-    """
+    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``; one value a row if all rows say so."""
     first = text[:_SEARCHED].rpartition(b"\n")[0].split(b"\n")
     found = [names for names, _ in map(_pairs, filter(bytes.strip, first))]
     names = next((own for own in found if own and own != [b"time"]), [])

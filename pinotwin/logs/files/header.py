@@ -125,10 +125,7 @@ def _is_pair(row: Sequence[str]) -> bool:
 
 
 def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str, str]]:
-    """Return the names below another row of names, and the units that stand in the lower for clocks in the upper.
-
-    ``Axis X;;Axis Y;`` over ``pos;cur;pos;cur`` tells equal names apart; ``Time`` over ``ms`` is a clock.
-    """
+    """Return the names below another row of names, and the units in the lower row of clocks in the upper."""
     words = [cell for cell in upper if cell]
     if len(upper) != len(names) or len(words) < 2 or any(map(is_number, words)):
         return names, {}
@@ -189,10 +186,7 @@ def are_steps(name: str, x: Floats, unit: str) -> bool:
 def read_preamble(
     lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str], shown: int = 6
 ) -> tuple[float | None, dict[str, str], list[str]]:
-    """Return what the lines above the header say: sample time [s], column of ``names`` -> unit, and notes.
-
-    The notes repeat ``shown`` of the lines at most; ``rows`` are the cells of those that are no comments.
-    """
+    """Return sample time [s], column of ``names`` -> unit, and notes (``shown`` lines) from above the header."""
     kept = [line.strip() for line in lines if line.strip(' ;,\t"')]
     notes = []
     if kept:

@@ -242,11 +242,7 @@ def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Itera
 
 
 def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4) -> tuple[float, float]:
-    """Return how many times as far as its command a position goes, and the error, from the places where it rests.
-
-    In motion a controller may overshoot by a tenth: only where the command stands does its size show, and only in
-    the second half of a stay of some rows.
-    """
+    """Return how many times as far as its command a position goes, and the error, from the places where it rests."""
     speed = np.abs(np.diff(command, prepend=command[:1]))
     rests = [s for s in runs(speed <= 1e-3 * speed.max(initial=0.0)) if s.stop - s.start >= stay]
     if len(rests) < places:

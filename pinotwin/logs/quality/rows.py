@@ -148,10 +148,7 @@ def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats, float]:
 
 
 def _range(q: Floats, turns: Ints) -> tuple[float, bool]:
-    """Return the range of a counter that wraps before these rows, in the unit of ``q``, and whether it is a usual one.
-
-    Usual, within 1 %: a turn in degrees, radians, gon, turns or their parts; a power of two in decimal units.
-    """
+    """Return the range of a counter that wraps before these rows, in the unit of ``q``, and whether it is usual."""
     inside = turns[(turns >= _FEW + 1) & (turns + _FEW < len(q))]
     rows = inside if len(inside) else turns
     jump = q[rows] - q[rows - 1]

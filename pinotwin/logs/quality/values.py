@@ -101,11 +101,7 @@ def saturated_rows(x: Floats) -> Mask:
 
 
 def jump_rows(q: Floats) -> Mask:
-    """Return the rows of a position that stand apart from both neighbours, which agree.
-
-    A row is apart if it differs from the median of itself and its neighbours by more than 50 times
-    the typical change per row and 1 % of the range: a sentinel or a lost value, not a fast move.
-    """
+    """Return the rows of a position that stand 50 usual changes apart from both neighbours, which agree."""
     apart = np.zeros(len(q), dtype=bool)
     middle = np.median(np.stack([q[:-2], q[1:-1], q[2:]]), axis=0)
     with np.errstate(invalid="ignore"):
@@ -162,10 +158,7 @@ def repeated_rows(x: Floats) -> tuple[Mask, Mask]:
 
 
 def _hashes(x: Floats) -> NDArray[np.uint64]:
-    """Return a number of 64 bits for every row of a table (n, k): sorting rows themselves takes ten times as long.
-
-    Two different rows of a million have the same one with a chance of 1 in 40 million logs.
-    """
+    """Return a number of 64 bits for every row of a table (n, k): sorting rows themselves takes ten times as long."""
     keys = np.zeros(len(x), dtype=np.uint64)
     for column in x.T:
         keys ^= (column + 0.0).view(np.uint64)  # -0.0 becomes 0.0
