@@ -143,6 +143,9 @@ def test_a_position_servo_without_torque_has_its_ratios_of_friction_and_inertia(
     alone = log.with_channels({k: x for k, x in log.channels.items() if k != "X.u"})
     found = pt.identify(tmp_path, alone, loop=False)
     assert found.parameters["X.coulomb.c"].unit == "law"
+    found.save(tmp_path / "twin")
+    u = pt.Twin.load(tmp_path / "twin").motion(alone).u[:, 0]
+    assert np.corrcoef(u, known.motion(log).u[:, 0])[0, 1] > 0.99
     for name in ("viscous.b", "coulomb.c"):
         size = found.quality["sizes"]["X"]["size"]
         ratios = [

@@ -315,11 +315,7 @@ def _trimmed(parts: Sequence[slice], head: int, tail: int, shortest: int, source
 def _measured_derivatives(
     machine: Machine, log: Log, motion: tuple[Floats, Floats], smoother: Smoother, moves: Mask, other: float
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Use the measured velocity of a joint, or its acceleration; say of which.
-
-    Without a measured one the acceleration comes from the velocity like that of every axis: what a
-    difference loses at the joint's frequency must be lost on both sides of its equation.
-    """
+    """Use the measured velocity of a joint, or its acceleration; say of which."""
     v, a = (x.copy() for x in motion)
     for name, part in machine.passive.items():
         if f"{name}.v" in log:
@@ -358,12 +354,7 @@ def _agrees(log: Log, channel: str, derivative: Floats, given: Floats, other: fl
 
 
 def _fast_enough(machine: Machine, v: Floats, a: Floats) -> Mask:
-    """Return the rows above each axis' speed or acceleration threshold (thesis Section 3.3).
-
-    Below it dry friction is not a function of the velocity (presliding). Where the YAML gives no
-    ``min_speed``, rows slower than 1 % of the axis' own top speed are left out; for a motor geared
-    to two joints, also the rows in which that motor stands.
-    """
+    """Return the rows above each axis' thresholds (thesis Section 3.3), below which friction is presliding, (n, nv)."""
     use = np.ones(v.shape, dtype=bool)
     for axis in machine.axes.values():
         if not any(effect.uses_standstill for effect in axis.effects):

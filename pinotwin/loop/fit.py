@@ -70,11 +70,6 @@ class LoopFit:
     ends: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
-    @property
-    def at_bounds(self) -> tuple[str, ...]:
-        """Names of the parameters that ended on a bound."""
-        return tuple(p.name for p in self.parameters if p.at_bound)
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return asdict(self)

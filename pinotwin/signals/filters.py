@@ -58,12 +58,7 @@ class _Filter:
 
 
 def _both_ways(x: Floats, by: _Filter, order: int, segments: Segments) -> Floats:
-    """Filter each stretch forward and backward, extended by odd reflection over 3 * order samples.
-
-    That is MATLAB's default extension (scipy's ``filtfilt`` takes 3 * (order + 1)); in second-order
-    sections, because the polynomial form loses all digits at low corners. As ``sosfiltfilt``, which looks for the
-    states at rest at every call: a search for causes calls it ten thousand times.
-    """
+    """Filter each stretch of x, (n,) or (n, k), both ways, extended by odd reflection over 3 * order samples."""
     pad = 3 * order
     out = x.copy()
     for part in _stretches(x, segments):
@@ -137,13 +132,7 @@ def _butterworth(order: int, cutoff: float, rate: float) -> _Filter:
 
 
 def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
-    """Return how many samples at each end of a stretch the filter's start-up still touches.
-
-    The slowest pole of the digital filter decays as its radius to the power of the samples; the count is
-    where that has fallen to 1 %, plus one sample for each of two differences. Above a quarter of the rate
-    these poles are far slower than those of the analogue filter: at 0.4 of it 23 samples, not 7. ``cutoff`` and
-    ``rate`` in [Hz].
-    """
+    """Return how many samples at each end of a stretch the filter's slowest pole needs to fall to 1 % ([Hz])."""
     if not math.isfinite(cutoff) or cutoff >= rate / 2:
         return 2
     _, poles, _ = scipy.signal.butter(order, cutoff, fs=rate, output="zpk")

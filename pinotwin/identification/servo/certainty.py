@@ -132,11 +132,7 @@ def _told(servo: Servo) -> dict[str, float]:
 def doubted(
     servo: Servo, errors: Mapping[str, float], missed: float | None, clock: float = 1.5e-4
 ) -> dict[str, float]:
-    """Return standard errors with those of the form of the law: its clock, and what it misses of e (see with_errors).
-
-    A drive adds up its integral before or after it is used: half a control period of 2 to 8 kHz is the doubt
-    ``clock`` [s]. kp and 1/ti are nearly equal roots: this is 0.5 to 1 % of kv, and 3 to 5 % of them.
-    """
+    """Return standard errors with those of the form of the law: half a control period ``clock`` [s], misses of e."""
     found, moved = _told(servo), {}
     if servo.form != "pid":
         moved = _told(replace(servo, velocity_lag=servo.velocity_lag + clock))

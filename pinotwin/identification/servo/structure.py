@@ -149,12 +149,7 @@ def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
 def _from_moments(
     p: AxisProblem, found: Found, last: Found, no_worse: float, little: float = 0.002
 ) -> Found | None:
-    """Return the controller that its own signals speak for; None where it predicts unseen windows worse.
-
-    Judged are the moments of the first windows on the others. They may raise an error of e or u by the factor
-    ``no_worse``, or by the share ``little`` of its RMS: they are nearer the truth, and the output error's gains hide
-    errors of the plant.
-    """
+    """Return the controller that its own signals speak for; None where it predicts unseen windows worse."""
     told = by_moments(p, last.servo)
     if not told:
         return None

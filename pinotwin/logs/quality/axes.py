@@ -70,11 +70,7 @@ def inspect_axes(
 def _lead(
     u: Floats, causes: tuple[Floats, Floats, Floats], rate: float, rows: Ints, settings: Settings
 ) -> tuple[float, float] | tuple[None, None]:
-    """Return by how much an effort is ahead of the motion, and the error [s]; None where nothing tells.
-
-    It may follow the accelerations, speeds and their signs of all moving axes (a wrist couples them), and a
-    quadratic in the positions in place of gravity: they may be those of motors, so that their sine means nothing.
-    """
+    """Return by how much an effort is ahead of the motion of all axes, and the error [s]; None where nothing tells."""
     reach = max(3, int(np.ceil(settings.lead_reach * rate)))
     rows = rows[(rows >= reach) & (rows < len(u) - reach)]
     rows = rows[:: max(1, len(rows) // 8000)]

@@ -122,11 +122,7 @@ def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
 
 
 def _wraps(q: Floats) -> Ints:
-    """Return the rows before which a position jumps by its range, against the way it is moving.
-
-    The way is that over one row; or over a few, where numbers are rounded so that one row shows no motion, and
-    the jump is the range of a usual counter.
-    """
+    """Return the rows before which a position jumps by its range, against the way it moves over one row or a few."""
     rows = _against(q, 1)
     rounded = np.union1d(rows, _against(q, _FEW))
     return rounded if len(rounded) and _range(q, rounded)[1] else rows

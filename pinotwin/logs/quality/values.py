@@ -76,12 +76,7 @@ def significant_digits(x: Floats) -> int | None:
 
 
 def saturated_rows(x: Floats) -> Mask:
-    """Return the rows that sit on a flat top or bottom.
-
-    Flat means: at least 3 samples in a row exactly at the extreme, 0.1 % of all rows (and 5), and
-    four times as many rows as beside it: within 2 % of the range, or on the next level of a coarse
-    signal (the top of a quantised sine holds up to 2.4 times as many as the level below).
-    """
+    """Return the rows on a flat top or bottom: 0.1 % of all, 3 in a row, four times as many as beside it."""
     flat = np.zeros(len(x), dtype=bool)
     good = np.isfinite(x)
     if good.sum() < 10 or np.ptp(x[good]) == 0:
@@ -119,12 +114,7 @@ def _jump(q: Floats, steps: float, share: float) -> float:
 
 
 def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
-    """Return a value that a channel jumps to and leaves again by jumps, how often, and its rows.
-
-    A jump is a change by a fifth of the range and 20 times the typical change per row. The end of a path,
-    where a machine rests too, has the path's other rows about it; a sentinel stands alone (fewer than 2 % of
-    the rows within 5 % of the range), beyond all others or reached by jumps only.
-    """
+    """Return a value beyond all others that a channel jumps to and leaves by jumps, how often, and its rows."""
     jump = np.abs(np.diff(q)) > _jump(q, 20.0, 0.2)
     landed, counts = np.unique(q[1:][jump], return_counts=True)
     if not len(landed) or counts.max() < 3:
