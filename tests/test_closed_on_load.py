@@ -104,6 +104,15 @@ def test_a_loop_that_is_closed_on_the_load_is_proposed(closed_on):
     assert said == ([wanted] if closed_on == "load" else [])
 
 
+def test_the_motion_lost_between_motor_and_load_is_a_number_of_the_twin(logs):
+    log = logs[0]
+    play = 25e-6 * np.tanh(np.gradient(log["X.q"], log.t) / 1e-3)
+    twin = pt.identify(machine("motor"), log.with_channels({**log.channels, "X.ql": log["X.ql"] - play}))
+    value, low, high = twin.servos["X"].service()["lost motion"]
+    assert value == pytest.approx(50e-6, rel=0.02)  # with what friction bends the drive by
+    assert 0.0 < high - low < 5e-6
+
+
 def test_the_gains_are_those_of_the_loop_that_is_closed(logs):
     servo = pt.identify(machine("load"), logs[0]).servos["X"]
     assert servo.combined()["kp + rate"] == pytest.approx(45.0 + 35.0, rel=0.05)

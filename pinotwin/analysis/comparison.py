@@ -27,7 +27,7 @@ from pinotwin.arrays import Floats, plain
 from pinotwin.effects import effect_name, known
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.loop.servo import FOLLOWING
+from pinotwin.loop.servo import FOLLOWING, LOST
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.simulation import compare as score
 from pinotwin.simulation import simulate
@@ -276,7 +276,14 @@ def _drives(twins: Sequence[Twin], unknown: tuple[float, ...] = (np.nan,) * 3) -
         told = [{} if servo is None else servo.service() for servo in servos]
         sizes = [twin.quality.get("sizes", {}).get(name, {}) for twin in twins]
         gain, mass = ("N·m·s/rad", "N·m·s²/rad") if axis.rotary else ("N·s/m", "N·s²/m")
-        for what, unit in {"Kv": "1/s", "kv": gain, "reset time": "s", "ffv": "", "ffa": mass}.items():
+        for what, unit in {
+            "Kv": "1/s",
+            "kv": gain,
+            "reset time": "s",
+            "ffv": "",
+            "ffa": mass,
+            LOST: "rad" if axis.rotary else "m",
+        }.items():
             (unit, _), *_ = units = [in_log_unit(unit, axis.rotary, row) for row in sizes]
             size = np.array([x if one == unit else np.nan for one, x in units])
             x = np.array([row.get(what, unknown)[0] for row in told]) / size

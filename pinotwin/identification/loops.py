@@ -37,9 +37,11 @@ from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log
 from pinotwin.logs.prepare import EvenLogs
+from pinotwin.logs.quality.axes import lost_motion
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
+from pinotwin.loop.servo import LOST
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.phrases import IDENTIFIED
@@ -117,7 +119,9 @@ def close_loops(
             closed = _linearised(closed.plant if refined else plant, found.servos, motion, settings)
     return replace(
         closed,
-        servos=found.servos,
+        servos={
+            name: _with_lost(servo, motion, machine.axes[name].index) for name, servo in found.servos.items()
+        },
         quality={"servos": found.quality, "simulation": judged, **closed.quality},
         warnings=(*said, *found.notes, *closed.warnings),
     )
@@ -140,6 +144,19 @@ def _on_load(machine: Machine, motion: Motion, name: str, pays: float) -> bool:
         gains = np.linalg.lstsq(law[:half], u[:half], rcond=1e-12)[0]
         left.append(float(np.std(u[half:] - law[half:] @ gains)))
     return left[1] < pays * left[0]
+
+
+def _with_lost(servo: Servo, motion: Motion, i: int, blocks: int = 8) -> Servo:
+    """Return a controller with the motion lost on column i between motor and load [m or rad], its error from blocks."""
+    if motion.ql is None or not np.ptp(motion.ql[:, i]) > 0.0:
+        return servo
+    rows = np.r_[*motion.segments]
+    q, away = motion.q[rows, i], motion.ql[rows, i] - motion.q[rows, i]
+    away = away - np.polyval(np.polyfit(q, away, 1), q)
+    parts = zip(np.array_split(away, blocks), np.array_split(motion.v[rows, i], blocks), strict=True)
+    lost = [x for part in parts if (x := lost_motion(*part)) > 0.0]
+    error = float(np.std(lost, ddof=1) / np.sqrt(len(lost))) if len(lost) > 1 else np.nan
+    return replace(servo, lost=float(np.mean(lost or [0.0])), errors={**servo.errors, LOST: error})
 
 
 def _by_encoders(

@@ -47,6 +47,7 @@ INPUTS = ("e", "v", "vr", "ar")
 """What a law takes: tracking error, velocity, velocity and acceleration of the command."""
 DISTANCE = "apart"
 """Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
+LOST = "lost motion"
 FOLLOWING = "1/Kv"
 """Name under which the error of :meth:`Servo.following` is kept: smooth where Kv itself goes through infinity."""
 Form = Literal["general", "cascade", "pid", "proportional"]
@@ -72,6 +73,7 @@ class Servo:
         step: sampling interval of the log [s].
         encoder: step and origin of the position that the law sees [m or rad]; a step of 0 for any position. An axis
             at rest is off by a part of a step, and an integral winds up on that.
+        lost: motion lost between motor and load [m or rad], where both are measured.
     """
 
     gains: tuple[float, ...]
@@ -86,6 +88,7 @@ class Servo:
     other: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.001
     encoder: tuple[float, float] = (0.0, 0.0)
+    lost: float | None = None
 
     @classmethod
     def of_cascade(
@@ -167,6 +170,9 @@ class Servo:
         out["Kv"] = _inverse(*out[FOLLOWING])
         if named.get("rate", 0.0) > 0.0:
             out["reset time"] = _inverse(named["rate"], *ends.get("rate", unknown))
+        if self.lost is not None:
+            half = TWO_SIDED * self.errors.get(LOST, math.nan)
+            out[LOST] = (self.lost, self.lost - half, self.lost + half)
         told = (name for name in ("kv", "ffv", "ffa") if name in named)
         return out | {name: (named[name], *ends.get(name, unknown)) for name in told}
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
 from pinotwin.columns import bind
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.loop.servo import SHAPES, Servo
+from pinotwin.loop.servo import LOST, SHAPES, Servo
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
@@ -19,7 +19,7 @@ from pinotwin.report.closed_loop_plots import (
     causes_figure,
     response_figure,
 )
-from pinotwin.report.display import scale_of
+from pinotwin.report.display import Scale, scale_of
 from pinotwin.report.flexible import flexible_content
 from pinotwin.simulation.score import compare, measured
 from pinotwin.twin import Twin
@@ -104,7 +104,8 @@ def structure_blocks(twin: Twin) -> list[Block]:
             "reaches no further than a tenth of the gain. Tied: position gain and 1/ti cannot be "
             "separated; only their sum and product, shown below, are identified."
         )
-        out += [heading("Controller"), paragraph(law, "lead"), servo_table(twin.servos)]
+        turn = [name for name, axis in twin.machine.axes.items() if axis.rotary]
+        out += [heading("Controller"), paragraph(law, "lead"), servo_table(twin.servos, turn)]
     return out
 
 
@@ -122,7 +123,7 @@ def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:
     return [heading("Causes of the tracking error"), shares, Tabs(panels)]
 
 
-def servo_table(servos: Mapping[str, Servo]) -> Html:
+def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Html:
     """Return gains and lags of the controllers, 90 % intervals, and sums and products of what is known only so."""
     rows: list[list[object]] = []
     for axis, servo in servos.items():
@@ -136,10 +137,12 @@ def servo_table(servos: Mapping[str, Servo]) -> Html:
             shown = f"{factor * value:.4g} {unit}".strip()
             remark = _remark(servo, name, determined)
             rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
-        for name, unit in (("Kv", "1/s"), ("reset time", "s")):
+        for name in ("Kv", "reset time", LOST):
             if name in (service := servo.service()):
                 value, low, high = service[name]
-                shown = f"{value:.4g} {unit}" if math.isfinite(value) else "no following error"
+                scale = display.scale_of("e", axis in rotary, value) if name == LOST else _UNITS[name]
+                value, low, high = (scale.factor * x for x in (value, low, high))
+                shown = f"{value:.4g} {scale.unit}" if math.isfinite(value) else "no following error"
                 between = "" if math.isnan(low) else f"{low:.4g} to {high:.4g}"
                 rows.append(["", name, shown, between, ""])
     return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
@@ -158,6 +161,7 @@ def _remark(servo: Servo, name: str, determined: Mapping[str, bool]) -> Html:
     return chip("not determined", "fair", "its interval is wider than a tenth of it on either side")
 
 
+_UNITS = {"Kv": Scale(1.0, "1/s"), "reset time": Scale(1.0, "s")}
 _SERVO = {
     "kp": "position gain kp",
     "kv": "velocity gain kv",

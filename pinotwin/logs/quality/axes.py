@@ -254,6 +254,13 @@ def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4)
     return factor, float(np.sqrt((len(x) - 1) / len(x) * np.sum(moved**2)))
 
 
+def lost_motion(away: Floats, speed: Floats) -> float:
+    """Return by how much the load lags between the directions, from load less motor and speed in motion, (n,) each."""
+    fast = np.abs(speed) > 0.1 * np.abs(speed).max()
+    up, down = fast & (speed > 0.0), fast & (speed < 0.0)
+    return float(abs(away[up].mean() - away[down].mean())) if up.any() and down.any() else 0.0
+
+
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
     if f"{name}.ql" not in log:
         return
@@ -267,10 +274,7 @@ def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
     q, ql = q[good], ql[good]
     slope, offset = np.polyfit(q - q.mean(), ql - q.mean(), 1)
     away = ql - q.mean() - offset - slope * (q - q.mean())
-    speed = np.gradient(q)
-    fast = np.abs(speed) > 0.1 * np.abs(speed).max()
-    up, down = fast & (speed > 0.0), fast & (speed < 0.0)
-    lost = float(abs(away[up].mean() - away[down].mean())) if up.any() and down.any() else 0.0
+    lost = lost_motion(away, np.gradient(q))
     correlation = float(np.corrcoef(q, ql)[0, 1])
     wrong = not 0.8 < slope < 1.25 or correlation < 0.9
     remedy = (
