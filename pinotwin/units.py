@@ -47,7 +47,7 @@ ELECTRICAL = {
     **dict.fromkeys(("A", "Arms", "Apk", "mA", "kA"), "A"),
     **dict.fromkeys(("V", "mV"), "V"),
     **dict.fromkeys(("%", "‰", "permille", "0.1%"), "rated effort"),
-    "law": "law units",
+    "law": "law unit",
 }
 """Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one."""
 

@@ -122,10 +122,10 @@ def _as_logged(
     It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
     """
     machine = as_machine(given).listing(effects).require_physical()
-    machine = replace(machine, columns={k: replace(x, found=0.0) for k, x in machine.columns.items()})
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    logs = [bind(log, machine.columns) for log in raw]
+    unsized = {name: replace(column, found=0.0) for name, column in machine.columns.items()}
+    logs = [bind(log, unsized) for log in raw]
     seen = bends(machine, logs) or all(holds(log, name) for log in logs for name in machine.passive)
     machine, sizes = with_sizes(machine if seen else machine.with_rigid_joints(), logs, settings)
     return machine, [bind(log, machine.columns) for log in logs], sizes

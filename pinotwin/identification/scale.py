@@ -64,7 +64,7 @@ class Sizes:
             return plant
         doubts, rows = iter(self.doubt), []
         for row in plant.parameters:
-            name, wide = row.effect.split(".")[0], next(doubts) if row.effect == "rigid_body" else 0.0
+            name, wide = row.effect.split(".")[0], next(doubts, 0.0) if row.effect == "rigid_body" else 0.0
             if name in self.axes:
                 row = _in_log_units(row, plant.machine.axes[name].rotary, self.axes[name])
             rows.append(replace(row, error=float(np.hypot(row.error, wide * row.value))))

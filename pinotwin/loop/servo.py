@@ -173,8 +173,8 @@ class Servo:
         if self.lost is not None:
             half = TWO_SIDED * self.errors.get(LOST, math.nan)
             out[LOST] = (self.lost, self.lost - half, self.lost + half)
-        told = (name for name in ("kv", "ffv", "ffa") if name in named)
-        return out | {name: (named[name], *ends.get(name, unknown)) for name in told}
+        told = {"kv": "kd", "ffa": "ffa"} if self.form == "pid" else {k: k for k in ("kv", "ffv", "ffa")}
+        return out | {name: (named[k], *ends.get(k, unknown)) for name, k in told.items()}
 
     @property
     def tied(self) -> bool:
