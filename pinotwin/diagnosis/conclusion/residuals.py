@@ -39,11 +39,10 @@ def gap_table(
         level = rms(residual[rows, j])
         left = 1.0 - closed[j].bounded if j in closed else 1.0
         effort = rms(motion.u[rows, j])
-        misfit = float("nan")
-        if c.own is not None and j in c.own.joints:
-            misfit = c.floor[j]
+        misfit, unsure = _expected(c, j)
         after, size = level * float(np.sqrt(left)), c.new.size(j)
-        out[motion.names[j]] = {"u": Gap(level, level / max(effort, 1e-300), noise[j], after, misfit, size)}
+        nrmse = level / max(effort, 1e-300)
+        out[motion.names[j]] = {"u": Gap(level, nrmse, noise[j], after, misfit, size, unsure)}
     for axis in c.gate.silent:
         j = motion.index(axis)
         rows = judged_rows(motion, j)
@@ -51,6 +50,14 @@ def gap_table(
             level = rms(residual[rows, j])
             out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
     return out
+
+
+def _expected(c: Comparison, joint: int) -> tuple[float, float]:
+    """Return the twin's misfit and what it is less sure of here [N or N·m]; NaN and 0 where it knows none."""
+    if c.twin.misfit is None or c.own is None or joint not in c.own.joints:
+        return float("nan"), 0.0
+    more = max(c.floor[joint] ** 2 - c.own.level(joint) ** 2, 0.0)
+    return c.twin.misfit.summary[c.machine.names[joint]]["moving"], float(np.sqrt(more))
 
 
 def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float], str]:

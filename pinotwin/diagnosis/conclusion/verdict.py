@@ -109,12 +109,12 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     """
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    return is_open(g.after, g.noise, g.misfit, size, rules)
+    return is_open(g.after, g.noise, g.expected, size, rules)
 
 
 def _agrees(g: Gap) -> bool:
     """Whether the gap of an axis, before any cause, is no more than what is left anyway."""
-    return grade(g.rms, g.misfit, g.noise) in ("agrees", "within misfit")
+    return grade(g.rms, g.expected, g.noise) in ("agrees", "within misfit")
 
 
 def _quiet(g: Gap) -> bool:
@@ -125,12 +125,12 @@ def _quiet(g: Gap) -> bool:
 
 
 def _odd(g: Gap, rules: Rules) -> bool:
-    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.misfit))
+    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.expected))
 
 
 def _note(axis: str, g: Gap) -> str:
     return (
-        f"{axis}: the residual is {g.after / g.misfit:.1f} times the twin's validation error, and no single cause "
+        f"{axis}: the residual is {g.after / g.expected:.1f} times the twin's expected error, and no single cause "
         "explains it. This motion may lie outside the data of the twin"
     )
 
@@ -197,7 +197,7 @@ def _sentence(
 
 
 def _relative(g: Gap) -> float:
-    return g.rms / g.misfit if np.isfinite(g.misfit) and g.misfit > 0.0 else g.nrmse
+    return g.rms / g.expected if np.isfinite(g.misfit) and g.expected > 0.0 else g.nrmse
 
 
 def _largest(axis: str, g: Gap, follows: str | None) -> str:
