@@ -15,7 +15,7 @@ from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
-from pinotwin.solve.crossval import HeldOut, fold_order
+from pinotwin.solve.crossval import HeldOut
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
 
@@ -31,16 +31,18 @@ def misfit_of(
     loop moved it itself away from least squares on all of them. What is known of the rows as they were fitted,
     part by part, is found anew where loops changed its effects.
     """
-    motion = without_model(motion)
+    motion, log = without_model(motion), known.log
     if len(motion) > settings.kept:
         starts = np.linspace(0, len(motion) - (size := settings.kept // 12), 12).astype(int)
         motion = Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
+        log = np.concatenate([log[s : s + size] for s in starts])
     if not known.serves(plant.effects, motion):
-        known = CrossValidated.of(plant.machine, plant.effects, plant.scene(motion), folds=settings.folds)
+        scene = plant.scene(motion)
+        known = CrossValidated.of(plant.machine, plant.effects, scene, folds=settings.folds, log=log)
     if known.held is None:
         return None
     theta = known.held.theta + plant.theta - known.held.whole
-    fold = _fold_of_rows(known, len(motion))
+    fold = _fold_of_rows(known, known.held.fold)
     foreseen = _foreseen(motion, known, known.held)
     residual = _residual(plant, motion, theta, fold)
     return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use))
@@ -83,14 +85,12 @@ def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Flo
     return motion.u - effort
 
 
-def _fold_of_rows(known: CrossValidated, length: int) -> Ints:
-    """Return the part each row of the motion belongs to: that of the fitted row before it."""
-    order, times = fold_order(known.problem)
-    edges = np.linspace(0, times, known.folds + 1).astype(int)
-    out, fold = np.full(length, -1), np.searchsorted(edges, order, side="right") - 1
-    out[known.rows.sample[known.problem.time]] = np.clip(fold, 0, known.folds - 1)
+def _fold_of_rows(known: CrossValidated, fold: Ints) -> Ints:
+    """Return the part each row of the motion belongs to, (n,): that of the fitted row before it."""
+    out = np.full(known.length, -1)
+    out[known.rows.sample[known.problem.time]] = fold
     there = np.flatnonzero(out >= 0)
-    return out[there[np.clip(np.searchsorted(there, np.arange(length), side="right") - 1, 0, None)]]
+    return out[there[np.clip(np.searchsorted(there, np.arange(len(out)), side="right") - 1, 0, None)]]
 
 
 def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:

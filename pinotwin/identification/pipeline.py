@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
+from pinotwin.arrays import Ints
 from pinotwin.columns import bind
 from pinotwin.errors import DataError
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
-from pinotwin.identification.bodies import near_urdf
+from pinotwin.identification.bodies import correlated_rows, near_urdf
+from pinotwin.identification.days import friction_scatter
 from pinotwin.identification.judge import CrossValidated, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
@@ -78,15 +80,15 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
-    fit, validated, price = _with_bodies(machine, fit, consistent, settings)
+    fit, validated, said = _with_bodies(machine, fit, consistent, even.whose, settings)
     plant = open_loop(machine, fit)
-    quality = judge(machine, fit, plant, validated, later) | {"consistency": price, "leads": leads}
+    quality = judge(machine, fit, plant, validated, later) | {"leads": leads, **said}
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
     closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
-    said = [*warnings(quality, plant, fit.motion, settings), *closed.warnings]
+    warned = [*warnings(quality, plant, fit.motion, settings), *closed.warnings]
     return closed.twin(
-        quality={**quality, "warnings": [*bending_warnings(bending), *said], **closed.quality},
+        quality={**quality, "warnings": [*bending_warnings(bending), *warned], **closed.quality},
         data=[_provenance(item, fit.motion) for item in given],
         settings=preparation,
         groups=fit.fit.group_names(),
@@ -95,14 +97,16 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
 
 
 def _with_bodies(
-    machine: Machine, fit: Plant, consistent: bool, settings: Settings
-) -> tuple[Plant, CrossValidated, dict[str, Any] | None]:
-    """Return the plant with bodies near the URDF's if asked for, its rows part by part, and the price of bodies."""
+    machine: Machine, fit: Plant, consistent: bool, log: Ints, settings: Settings
+) -> tuple[Plant, CrossValidated, dict[str, Any]]:
+    """Return the plant with bodies near the URDF's if asked for, its rows part by part, and figures of both."""
     known = (fit.rows, fit.fit.problem)
-    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds)
-    if not consistent or machine.passive:  # a passive joint's own row completes its bodies, see find_springs
-        return fit, validated, None
-    return near_urdf(machine, fit, validated, settings)
+    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds, log)
+    price: dict[str, Any] | None = None
+    if consistent and not machine.passive:  # a passive joint's own row completes its bodies, see find_springs
+        fit, validated, price = near_urdf(machine, fit, validated, settings)
+    days = friction_scatter(open_loop(machine, fit), validated, correlated_rows(fit, fit.theta))
+    return fit, validated, {"consistency": price, "days": days}
 
 
 def _unseen(

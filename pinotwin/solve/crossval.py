@@ -65,10 +65,15 @@ class HeldOut:
 
 
 def held_out(
-    problem: Problem, folds: int = 5, guard: int | None = None, options: Options | None = None
+    problem: Problem,
+    folds: int = 5,
+    guard: int | None = None,
+    options: Options | None = None,
+    edges: Ints | None = None,
 ) -> HeldOut:
     """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
+    ``edges`` are where other stretches, such as whole logs, begin and end, shape (folds + 1,); they need no guard.
     Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
 
     Raises:
@@ -76,10 +81,12 @@ def held_out(
     """
     options = options or Options()
     order, times = fold_order(problem)
+    if edges is not None:
+        folds, guard = len(edges) - 1, 0
     if folds < 2 or times < 2 * folds:
         raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")
     guard = times // (20 * folds) if guard is None else guard
-    edges = np.linspace(0, times, folds + 1).astype(int)
+    edges = np.linspace(0, times, folds + 1).astype(int) if edges is None else edges
     cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
     pieces = [
         reduce(problem.rows((order >= a) & (order < b)), tuple(problem.slices)) for a, b in pairwise(cuts)

@@ -11,7 +11,7 @@ from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.data.scatter import scatter
+from pinotwin.diagnosis.data.scatter import by_days, scatter
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Searcher
@@ -78,7 +78,7 @@ def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float],
                 for a, b in pairs
             ]
             level = max(level, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(level, scatter(c, j, rules.scatter))) if c.change else level
+        out[j] = float(np.hypot(level, scatter(c, j, by_days(c, j, rules)))) if c.change else level
     return out, "repeats" if pairs else "assumed"
 
 

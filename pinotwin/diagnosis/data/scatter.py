@@ -8,7 +8,14 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.rules import Rules
 from pinotwin.signals import rms
+
+
+def by_days(c: Comparison, joint: int, rules: Rules) -> float:
+    """Return the share of an axis' friction by which logs of one machine may differ [1]: at least the usual one."""
+    days = c.twin.quality.get("days", {}) if c.change else {}
+    return max([rules.scatter, *days.get(c.machine.names[joint], {}).values()])
 
 
 def scatter(c: Comparison, joint: int, most: float) -> float:

@@ -18,7 +18,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.scatter import scattered
+from pinotwin.diagnosis.data.scatter import by_days, scattered
 from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.held_out import Judged
@@ -122,7 +122,7 @@ def search(
         last = answers[0] if answers else None
         if not fit:
             break
-        scatters = [r for r, why in answers if why == _by_scatter(rules)]
+        scatters = [r for r, why in answers if why.endswith(_BY_SCATTER)]
         friction = _usual_before(fit, scatters, {one.joint for one in usual})
         if friction is not None:
             usual.append(friction)
@@ -237,6 +237,7 @@ TURNING = ("presliding", "hysteresis")
 """What friction keeps in mind as it turns round."""
 
 _UNCERTAIN = "squared standard errors a number"
+_BY_SCATTER = "of the friction, by which runs of one machine may differ"
 _NOTHING_CERTAIN = "explains nothing for certain on held-out rows"
 
 
@@ -526,10 +527,10 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if (
         c.change
         and rubs
-        and closed < rules.scatter * c.friction[one.joint]
+        and closed < (most := by_days(c, one.joint, rules)) * c.friction[one.joint]
         and _scatters(one, searcher, rules)
     ):
-        return _by_scatter(rules)
+        return f"is no more than {most:.0%} {_BY_SCATTER}"
     return ""
 
 
@@ -562,10 +563,6 @@ def _beyond_noise(one: Scored, searcher: Searcher, rules: Rules) -> float:
     return one.gain / max(searcher.power_beyond_noise(one.table[0], rules.noise_part), 1e-300)
 
 
-def _by_scatter(rules: Rules) -> str:
-    return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
-
-
 def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     """Whether friction that is the twin's own, only a little more or less of it, closes as much as a candidate.
 
@@ -574,7 +571,7 @@ def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     c, j = searcher.comparison, one.joint
     closed = float(searcher.main_gains(one)[0].sum())
     left = searcher.residual()[j] * c.floor[j]
-    return scattered(c, j, rules.scatter, left) > rules.scatter_part * closed
+    return scattered(c, j, by_days(c, j, rules), left) > rules.scatter_part * closed
 
 
 def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:

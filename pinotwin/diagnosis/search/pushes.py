@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.scatter import scattered
+from pinotwin.diagnosis.data.scatter import by_days, scattered
 from pinotwin.diagnosis.evidence.repeatable import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
@@ -46,7 +46,8 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         _, pushed = seen
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
-        if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
+        days = scattered(c, j, by_days(c, j, rules))
+        if pushed.gain > rules.push_better * max(before - rest, rival, days):
             out.append(pushed)
     return out
 
@@ -162,7 +163,7 @@ def _confidence(
         if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
             continue
         wins += again.gain > rules.push_better * max(
-            _closed(trial, rivals), scattered(trial, j, rules.scatter)
+            _closed(trial, rivals), scattered(trial, j, by_days(trial, j, rules))
         )
     return posterior(wins, TRIALS, rules)
 
