@@ -11,12 +11,15 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.cli.identify import summary
+from pinotwin.cli.main import main
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.scatter import by_days
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.effects import EFFECTS
 from pinotwin.identification.days import widths
 from pinotwin.report import identification_report
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from tests.rig import good_log, write_log, write_machine
 
 
 def recorded(seeds: Sequence[int], seconds: float = 5.0) -> list[pt.Log]:
@@ -81,3 +84,88 @@ def test_a_diagnosis_allows_for_the_scatter_that_its_twin_has_seen(
         c = compare(replace(twin, quality={**twin.quality, "days": days}), logs[3:], [])
         assert by_days(c, j, RULES) == allowed
         assert by_days(replace(c, change=False), j, RULES) == RULES.scatter
+
+
+def plain(machine: str = "trunnion") -> pt.Machine:
+    """Return a machine without shapes to search."""
+    out = pt.Machine.load(machine)
+    for name in out.axes:
+        out = out.with_effects(name, [EFFECTS[k].on(out, name) for k in ("viscous", "coulomb", "offset")])
+    return out
+
+
+@pytest.mark.parametrize(("consistent", "most"), [(False, 1e-6), (True, 0.5)])
+def test_an_updated_twin_is_the_one_of_all_logs(
+    consistent: bool, most: float, logs: list[pt.Log], tmp_path: Path
+) -> None:
+    """In steps, over the disk, from one log to four; how much the URDF weighs hangs on rows that are gone."""
+    how = {"loop": False, "cutoff": 20.0, "decimate": 4, "consistent": consistent}
+    whole = pt.identify(plain(), logs, **how)
+    first = pt.identify(plain(), logs[:1], **how)
+    twin = first
+    for step in (logs[1:2], logs[2:]):
+        twin = pt.update(pt.Twin.load(twin.save(tmp_path)), step)
+    error = np.sqrt(np.diag(whole.covariance))
+    seen = error > 0.0
+    off = np.abs(twin.theta - whole.theta)[seen] / error[seen]
+    assert off.max() < most
+    assert np.median(off) < 0.05 * np.median(np.abs(first.theta - whole.theta)[seen] / error[seen])
+    wider = np.log(np.sqrt(np.diag(twin.covariance))[seen] / error[seen])
+    assert np.abs(wider).max() < np.log(2.5)
+    assert abs(np.median(wider)) < 0.1
+    assert twin.quality["folds"] == whole.quality["folds"] == 4
+    for name, row in whole.quality["axes"].items():
+        now = twin.quality["axes"][name]
+        assert now["rows"] == row["rows"]
+        for key in ("fit", "fit_std", "rms"):
+            assert now[key] == pytest.approx(row[key], rel=0.01)
+        assert now["held_out"] == pytest.approx(row["held_out"], rel=0.05)
+        assert twin.misfit is not None
+        assert whole.misfit is not None
+        sizes = (x.misfit.summary[name]["moving"] for x in (twin, whole))
+        assert next(sizes) == pytest.approx(next(sizes), rel=0.05)
+        assert twin.quality["days"][name] == pytest.approx(whole.quality["days"][name], rel=0.1)
+    assert [row["fingerprint"] for row in twin.data] == [row["fingerprint"] for row in whole.data]
+    assert pt.update(twin, logs[2]) is twin
+
+
+def test_of_many_logs_the_oldest_are_kept_as_one(logs: list[pt.Log]) -> None:
+    first = pt.identify(plain(), logs[:1], loop=False, cutoff=20.0, decimate=4)
+    apart = pt.update(first, logs[1:])
+    assert apart.moments is not None
+    short = apart.moments.shorter(2)
+    assert len(short.logs) == 2
+    assert short.sums.sum(axis=0) == pytest.approx(apart.moments.sums.sum(axis=0))
+    for F, G in zip(short.whole.factors, apart.moments.whole.factors, strict=True):
+        assert pytest.approx(G.T @ G, rel=1e-9, abs=1e-9) == F.T @ F
+
+
+def test_the_command_adds_once_and_refuses_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_machine(tmp_path / "rig")
+    log, twin = good_log(), str(tmp_path / "twin")
+    a = str(write_log(tmp_path / "a.csv", log))
+    b = str(write_log(tmp_path / "b.csv", {**log, "X.u": 1.02 * log["X.u"]}))
+    slow = str(write_log(tmp_path / "slow.csv", {k: x[::4] for k, x in log.items()}))
+    other = str(write_log(tmp_path / "other.csv", {k.replace("X.", "Z."): x for k, x in log.items()}))
+    assert main(["identify", str(tmp_path / "rig"), a, "--no-loop", "--out", twin]) == 0
+    before = (tmp_path / "twin" / "twin.json").read_bytes()
+    assert main(["update", twin, a]) == 0
+    assert "holds these logs already" in capsys.readouterr().out
+    turned = str(
+        write_log(tmp_path / "turned.csv", {k: -x if k.endswith(".u") else x for k, x in log.items()})
+    )
+    for bad, word in ((slow, "125 Hz"), (other, "X.q"), (turned, "explains nothing of any effort")):
+        assert main(["update", twin, bad]) == 2
+        said = capsys.readouterr().err.strip()
+        assert word in said
+        assert len(said.splitlines()) == 1
+    assert (tmp_path / "twin" / "twin.json").read_bytes() == before
+    assert main(["update", twin, b, a]) == 0
+    assert "1 log(s) added, 2 in all" in capsys.readouterr().out
+    held = pt.Twin.load(twin)
+    assert held.moments is not None
+    assert len(held.data) == len(held.moments.logs) == 2
+    with pytest.raises(pt.TwinError, match="keeps no moments of its logs; identify it again on all logs"):
+        pt.update(replace(held, moments=None), slow)

@@ -15,32 +15,33 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.family import FRICTION
-from pinotwin.identification.judge import CrossValidated
 from pinotwin.twin import OpenLoop
+from pinotwin.twin.moments import Moments
 
 
 def friction_scatter(
     plant: OpenLoop,
-    known: CrossValidated,
-    correlated: float,
+    moments: Moments,
+    sigma: Floats,
     prior: float = 0.05,
     prior_logs: float = 2.0,
 ) -> dict[str, dict[str, float]]:
     """Return axis -> friction effect -> standard deviation from log to log over its size [1].
 
-    ``known`` holds the rows of every log; ``correlated`` of them tell as much as an independent one.
+    ``sigma`` is the noise of the rows of each joint that has any [N or N·m].
     """
     out: dict[str, dict[str, float]] = {}
+    correlated = moments.correlated(plant.theta, sigma)
     step = np.append(plant.theta, -1.0)
-    for place, joint in enumerate(known.problem.slices):
+    for joint in moments.joints:
         axis = plant.machine.names[joint]
         parts = zip(plant.keys, plant.effects, plant.slices, strict=True)
         own = {k: s for k, e, s in parts if e.family is FRICTION and e.axis == axis}
         if not own:
             continue
-        factors = [log.factors[place] for log in known.logs]
+        factors = [log.factors[joint] for log in moments.logs]
         left = [-F @ step for F in factors]
-        power = sum(x @ x for x in left) / max(sum(log.rows[place] for log in known.logs), 1)
+        power = sum(x @ x for x in left) / max(sum(log.rows[joint] for log in moments.logs), 1)
         courses = [np.stack([F[:, s] @ plant.theta[s] for s in own.values()], axis=1) for F in factors]
         level = np.sqrt(max(correlated * power, 1e-300))
         scaled = [(U / level, r / level) for U, r in zip(courses, left, strict=True)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -21,7 +20,6 @@ from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.crossval import HeldOut, fold_order, held_out
-from pinotwin.solve.linear import Reduced, reduce
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop
 
@@ -59,12 +57,6 @@ class CrossValidated:
             held = None
         folds = folds if held is None else len(held.theta)
         return cls(tuple(effects), len(motion), rows, problem, log, folds, held)
-
-    @cached_property
-    def logs(self) -> tuple[Reduced, ...]:
-        """The rows of every log, reduced joint by joint in the order of the problem."""
-        log = self.log[self.rows.sample[self.problem.time]]
-        return tuple(reduce(self.problem.rows(log == k), tuple(self.problem.slices)) for k in np.unique(log))
 
     def serves(self, effects: Sequence[Effect], motion: Motion) -> bool:
         """Whether that of these effects on a motion would be the same; not where columns follow theta."""
@@ -153,13 +145,7 @@ def warnings(
 def signs_of_missing_effects(
     quality: Mapping[str, Any], rigid_pairs: int = 2, settings: Settings = USUAL
 ) -> list[str]:
-    """Return what in the figures of a twin suggests an effect that its machine does not list.
-
-    Args:
-        quality: of the twin.
-        rigid_pairs: pole pairs of a rigid axis under a cascade; another one is a vibration.
-        settings: error from which a controller misses the tracking.
-    """
+    """Return what in the figures of a twin suggests an effect that its machine does not list."""
     loops, servos = quality.get("loops", {}), quality.get("servos", {})
     return [
         *(f"{name} ended at its bound" for name in quality["at_bound"]),

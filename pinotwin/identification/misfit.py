@@ -45,7 +45,46 @@ def misfit_of(
     fold = _fold_of_rows(known, known.held.fold)
     foreseen = _foreseen(motion, known, known.held)
     residual = _residual(plant, motion, theta, fold)
-    return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use))
+    return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use), log)
+
+
+def misfit_with(
+    plant: OpenLoop,
+    before: Misfit,
+    new: Sequence[Motion],
+    parts: Sequence[CrossValidated],
+    known: CrossValidated,
+    settings: Settings,
+) -> tuple[Misfit, CrossValidated | None]:
+    """Return the misfit of kept rows and more logs, and how their blocks were predicted where there are few logs.
+
+    ``parts`` are the rows of the new logs, ``known`` the factors of all logs, each predicted from the others.
+    """
+    count, held, most = int(known.problem.block.max()) + 1, known.held, settings.kept // 4
+    merged = parts[-1].log[-1] + 1 - count  # of the oldest logs, which are kept as one
+    whose = [before.log, *(part.log[:most] for part in parts)]
+    log = np.maximum(np.concatenate(whose) - merged, 0)[-settings.kept :]
+    kept, resting = [before.motion], [np.zeros_like(before.motion.use)]
+    fold = [] if held is None else [held.fold[known.problem.block == k][0] for k in range(count)]
+    for motion, part in zip(new, parts, strict=True):
+        resting.append(~motion.use[:most])
+        if held is not None:
+            own = replace(held, fold=np.full(len(part.problem.y), fold[part.log[0] - merged]))
+            motion = _foreseen(motion, part, own)
+        kept.append(without_model(motion).cut(0, most))
+    joined = Motion.join(kept)
+    joined = joined.cut(max(len(joined) - settings.kept, 0), len(joined))
+    if held is None:
+        blocks = CrossValidated.of(plant.machine, plant.effects, plant.scene(joined), folds=settings.folds)
+        if blocks.held is not None:
+            moved = blocks.held.theta + plant.theta - blocks.held.whole
+            blocks = replace(blocks, held=blocks.held.by(blocks.problem, moved, plant.theta))
+        found = misfit_of(plant, joined, blocks, settings)
+        return replace(found or before, log=log), blocks
+    theta, of_rows = held.theta + plant.theta - held.whole, np.array(fold)[log]
+    left = _residual(plant, joined, theta, of_rows)
+    summary = _summary(joined, left, np.concatenate(resting)[-settings.kept :])
+    return Misfit(joined, of_rows, theta, summary, log), None
 
 
 def _foreseen(

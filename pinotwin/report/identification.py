@@ -36,12 +36,6 @@ def identification_report(
 ) -> str:
     """Return a self-contained HTML page about an identified machine.
 
-    Args:
-        twin: what was identified.
-        logs: the log(s) it was identified from.
-        validate: log(s) it was judged on, if there were any.
-        made: ``date``, ``seconds_taken`` and ``options``, where they are known.
-
     Raises:
         DataError: the logs hold no row that the twin can be compared with.
     """

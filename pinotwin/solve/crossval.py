@@ -7,18 +7,16 @@ Every piece of rows is reduced once to its R factor, so that all folds cost abou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress, pairwise
 from typing import Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
-from pinotwin.solve.linear import Options, Reduced, Solution, reduce, solve
+from pinotwin.solve.linear import Options, Solution, merged, reduce, solve
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.tsqr import r_factor
 
 
 @dataclass(frozen=True)
@@ -91,16 +89,17 @@ def held_out(
     pieces = [
         reduce(problem.rows((order >= a) & (order < b)), tuple(problem.slices)) for a, b in pairwise(cuts)
     ]
-    whole = solve(_merge(pieces, np.ones(len(pieces), bool)), options)
+    whole = solve(merged(pieces), options)
     options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
     fits, tests = [], []
     error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
-        fits.append(solve(_merge(pieces, outside), options))
+        fits.append(solve(merged(list(compress(pieces, outside))), options))
         theta[k] = fits[k].theta
-        tests.append(_merge(pieces, (cuts[:-1] >= a) & (cuts[1:] <= b)).triangle(whole.sigma))
+        within = compress(pieces, (cuts[:-1] >= a) & (cuts[1:] <= b))
+        tests.append(merged(list(within)).triangle(whole.sigma))
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
     return HeldOut(theta, error, whole.sigma, tuple(fits), np.array(tests), fold, whole.theta)
@@ -111,11 +110,3 @@ def fold_order(problem: Problem) -> tuple[Ints, int]:
     starts = problem.grid.starts(0)
     _, order = np.unique(starts[problem.grid.block] + problem.grid.slot, return_inverse=True)
     return order, int(order.max()) + 1
-
-
-def _merge(pieces: Sequence[Reduced], use: Mask) -> Reduced:
-    """Return the factors of the pieces in use together: the rows themselves would be the problem once more."""
-    chosen = list(compress(pieces, use))
-    factors = zip(*(piece.factors for piece in chosen), strict=True)
-    rows = zip(*(piece.rows for piece in chosen), strict=True)
-    return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))

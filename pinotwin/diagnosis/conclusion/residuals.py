@@ -25,11 +25,6 @@ def gap_table(
 
     ``rms`` is that of ``u - twin.effort`` on the rows in motion of the logs in question; ``after`` is what
     is left of it once the named causes are modelled, by the share that goes on rows that were not fitted.
-
-    Args:
-        c: the comparison.
-        closed: joint -> what all named causes close.
-        noise: joint -> RMS of the noise.
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)

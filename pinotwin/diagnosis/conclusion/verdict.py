@@ -20,21 +20,14 @@ from pinotwin.system.phrases import joined
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is concluded.
+    """What is concluded."""
 
-    Attributes:
-        verdict: the word.
-        sentence: what a person reads first.
-        unexplained: axis -> signal -> share of the squared gap that no named cause closes.
-        remains: axis -> what is left follows, in words.
-        notes: what deserves attention on single axes.
-    """
-
-    verdict: Verdict
-    sentence: str
+    verdict: Verdict  # the word
+    sentence: str  # what a person reads first
+    # axis -> signal -> share of the squared gap that no named cause closes
     unexplained: Mapping[str, Mapping[str, float]]
-    remains: Mapping[str, str]
-    notes: Sequence[str]
+    remains: Mapping[str, str]  # axis -> what is left follows, in words
+    notes: Sequence[str]  # what deserves attention on single axes
 
 
 def judge(
@@ -46,18 +39,7 @@ def judge(
     rules: Rules = RULES,
     controllers: Mapping[str, str] | None = None,
 ) -> Judgement:
-    """Return the verdict on a comparison.
-
-    Args:
-        c: the comparison.
-        found: the search for causes.
-        gaps: axis -> signal -> gap.
-        effects: what is named.
-        possible: what was found and is not sure enough to be named: its axes stay open where their gap is more than
-            what is left anyway.
-        rules: thresholds.
-        controllers: axis -> what is said of a controller whose law is gone.
-    """
+    """Return the verdict on a comparison."""
     controllers = controllers or {}
     patterns = {
         c.machine.names[s.chosen.joint]: s.chosen.effect.says()
@@ -136,12 +118,7 @@ def _note(axis: str, g: Gap) -> str:
 
 
 def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
-    """Return what is said of axes that are not judged, and of effects that these logs cannot show.
-
-    Args:
-        c: the comparison.
-        told: axes of which something is named all the same.
-    """
+    """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     silent = {**c.gate.silent, **c.gate.unknown}
     out = [
         f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items() if axis not in told

@@ -19,26 +19,13 @@ def by_days(c: Comparison, joint: int, rules: Rules) -> float:
 
 
 def scatter(c: Comparison, joint: int, most: float) -> float:
-    """Return the RMS by which friction differs from the twin's [N or N·m].
-
-    Args:
-        c: the comparison.
-        joint: which.
-        most: share of the friction by which it may differ.
-    """
+    """Return the RMS by which friction differs from the twin's [N or N·m]."""
     courses = _courses(c, joint, most, c.new.residual[joint])
     return float(np.sqrt(sum(x @ x for _, x in courses) / max(len(c.new.residual[joint]), 1)))
 
 
 def scattered(c: Comparison, joint: int, most: float, left: Floats | None = None) -> float:
-    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`.
-
-    Args:
-        c: the comparison.
-        joint: which.
-        most: share of the friction by which it may differ.
-        left: what it is to close [N or N·m]; the whole residual if not given, shape (m,).
-    """
+    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`."""
     courses = _courses(c, joint, most, c.new.residual[joint] if left is None else left)
     return float(sum(2.0 * r @ x - x @ x for r, x in courses)) / c.floor[joint] ** 2
 

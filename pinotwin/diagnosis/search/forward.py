@@ -34,30 +34,17 @@ from pinotwin.effects.family import FRICTION, TRANSMISSION
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One turn of the search.
+    """One turn of the search."""
 
-    Attributes:
-        chosen: what was taken in.
-        rivals: the other best candidates of that turn, one a name and axis, best first.
-        searcher: the ground on which the turn was made.
-        duel: trials against a relative with more numbers, if one closed more.
-        instead: causes of one axis each, for which it stands.
-    """
-
-    chosen: Scored
-    rivals: Sequence[Scored]
-    searcher: Searcher = field(repr=False)
+    chosen: Scored  # what was taken in
+    rivals: Sequence[Scored]  # the other best candidates of that turn, one a name and axis, best first
+    searcher: Searcher = field(repr=False)  # the ground on which the turn was made
+    # trials against a relative with more numbers, if one closed more
     duel: Duel | None = field(default=None, repr=False)
-    instead: Sequence[Scored] = ()
+    instead: Sequence[Scored] = ()  # causes of one axis each, for which it stands
 
     def again(self, simplest: Scored, fit: Sequence[Scored], scored: Sequence[Scored]) -> Scored:
-        """Return what is chosen on other logs: the same questions, put again.
-
-        Args:
-            simplest: the simplest candidate there.
-            fit: those that are not refused there.
-            scored: all of them.
-        """
+        """Return what is chosen on other logs: the same questions, put again."""
         if self.duel is not None:
             return self.duel.again(simplest, fit)
         keys = {one.key for one in self.instead}
@@ -94,15 +81,7 @@ def search(
     most: int | None = None,
     tell: Callable[[str, float], None] | None = None,
 ) -> Found:
-    """Return the causes that the data support.
-
-    Args:
-        comparison: what is compared.
-        candidates: effects, and patterns without a name.
-        rules: thresholds.
-        most: most causes to take in.
-        tell: called with the stage and the share done.
-    """
+    """Return the causes that the data support."""
     first = searcher = Searcher(comparison)
     shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
@@ -481,13 +460,7 @@ def _dissipates(one: Scored, comparison: Comparison) -> bool:
 
 
 def known(effect: Effect, comparison: Comparison, beside: Judged | None = None) -> Floats:
-    """Return the coefficients that the base has of an effect of the same kind; zeros where it has none.
-
-    Args:
-        effect: a candidate.
-        comparison: of a twin; of a machine, whose coefficients are free, only an effect that a candidate rides on.
-        beside: the fit of a machine's own coefficients beside a candidate that rides on one of them.
-    """
+    """Return the coefficients that the base has of an effect of the same kind; zeros where it has none."""
     if isinstance(effect, Joined):
         return np.concatenate([known(part, comparison, beside) for part in effect.parts])
     twin = comparison.twin

@@ -29,13 +29,7 @@ RIVALS = 3
 
 
 def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
-    """Return the pushes that close more than any cause on the same axis does.
-
-    Args:
-        c: of a twin.
-        found: the search for causes that come with the motion.
-        rules: thresholds.
-    """
+    """Return the pushes that close more than any cause on the same axis does."""
     out = []
     for at, j in enumerate(c.new.joints):
         if not c.gate.admits("external_force", c.machine.names[j]):
@@ -56,12 +50,6 @@ def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) 
     """Return a search with the causes that are sure: the others account for nothing, and are rivals of a push.
 
     Pushes that lie where the motion happens to ask for it look like a cause with a memory, which trials do not confirm.
-
-    Args:
-        c: what was compared.
-        found: the search.
-        sure: the confidence of every cause.
-        rules: thresholds.
     """
     kept = [s for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
     doubted = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x < rules.named]
@@ -175,13 +163,7 @@ def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
 
 
 def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes]) -> dict[int, Floats]:
-    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,).
-
-    Args:
-        c: with the rows that the pushes were found on.
-        causes: that come with the motion.
-        pushed: pushes from outside.
-    """
+    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,)."""
     motion = c.new.motion
     out: dict[int, Floats] = {}
     for one in causes:
