@@ -41,7 +41,7 @@ def main(
             f"check: {sum(checked.determined.values())} of {len(checked.determined)} parameters can be identified"
         )
         twin = pt.identify(start.machine, bags[0], loop=False)
-        pt.export_twin(twin, "mjcf", folder / "arm.xml")
+        pt.export(twin, "mjcf", folder / "arm.xml")
         print(f"MuJoCo: {(folder / 'arm.xml').stat().st_size} bytes")
         found = pt.diagnose(twin, bags[2], quick=True)
         print(found.sentence)

@@ -24,7 +24,7 @@ def main(seconds: float = 10.0) -> float:
     twin = pt.identify(pt.Machine.load("emps"), log, loop=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "drive.py"
-        pt.export_twin(twin, "numpy", path)
+        pt.export(twin, "numpy", path)
         spec = importlib.util.spec_from_file_location("drive", path)
         drive = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(drive)

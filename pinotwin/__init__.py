@@ -10,8 +10,9 @@ Wherever a log, a machine or a twin is asked for, the name of its file or folder
 as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by Log.from_arrays.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Servo  Vibration
-Commands:  new  check  identify  improve  simulate  diagnose  force  compare  vibration  export  record  study  view
-Verbs:     read  prepare  resample  decompose  machines  export_twin  reconstruct_vibration; of their own:
+Commands:  new  check  identify  improve  update  simulate  diagnose  force  compare  vibration  export  record  study
+           view
+Verbs:     read  prepare  resample  decompose  machines  reconstruct_vibration; of their own:
            Machine.load .save  Log.from_arrays  Twin.load .simulate .predict .residual .plot .report .save
            Diagnosis.save .plot .report .repaired .apply
 Table:     EFFECTS (every effect by name)
@@ -49,7 +50,6 @@ _HOME = {
     "decompose": "pinotwin.analysis.decomposition",
     "diagnose": "pinotwin.diagnosis",
     "export": "pinotwin.export",
-    "export_twin": "pinotwin.export",
     "force": "pinotwin.analysis.force",
     "identify": "pinotwin.identification",
     "improve": "pinotwin.studies.improvement",
@@ -62,6 +62,7 @@ _HOME = {
     "resample": "pinotwin.logs.quality",
     "simulate": "pinotwin.simulation",
     "study": "pinotwin.report.study",
+    "update": "pinotwin.identification.update",
     "vibration": "pinotwin.reconstruction",
     "view": "pinotwin.viewer",
 }
@@ -81,8 +82,8 @@ if TYPE_CHECKING:
     from pinotwin.errors import PinotwinError as PinotwinError
     from pinotwin.errors import TwinError as TwinError
     from pinotwin.export import export as export
-    from pinotwin.export import export_twin as export_twin
     from pinotwin.identification import identify as identify
+    from pinotwin.identification.update import update as update
     from pinotwin.log import Log as Log
     from pinotwin.logs.check import check as check
     from pinotwin.logs.files import read as read

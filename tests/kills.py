@@ -57,6 +57,7 @@ def commands() -> Mapping[str, Command]:
         "check": Command(lambda k: ["check", "rig", f"{k}.csv"], ()),
         "identify": Command(lambda k: ["identify", "rig", f"{k}.csv", "--no-loop", "--out", "out"], ("out",)),
         "simulate": Command(lambda k: ["simulate", "looped", f"e{k}.csv", "--out", "out.csv"], ("out.csv",)),
+        "update": Command(lambda k: ["update", "twin", f"{k}.csv", "--out", "out"], ("out",)),
         "improve": Command(
             lambda k: [
                 "improve",

@@ -188,7 +188,7 @@ def test_parameters_go_by_name_and_in_order(twin, monkeypatch):
 
 def exported(twin: pt.Twin, folder):
     """The module that ``export --format numpy`` writes."""
-    pt.export_twin(twin, "numpy", folder / "exported.py")
+    pt.export(twin, "numpy", folder / "exported.py")
     spec = importlib.util.spec_from_file_location("exported", folder / "exported.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

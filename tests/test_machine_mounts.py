@@ -100,10 +100,10 @@ def test_the_mount_goes_into_every_computation_and_file(mounts, tmp_path):
         json.loads((tmp_path / "twin" / "twin.json").read_text())["gravity"]
         == stated.model.gravity.linear.tolist()
     )
-    pt.export_twin(again, "mjcf", tmp_path / "m.xml")
+    pt.export(again, "mjcf", tmp_path / "m.xml")
     option = etree.parse(tmp_path / "m.xml").find("option")
     np.testing.assert_allclose([float(x) for x in option.get("gravity").split()], stated.model.gravity.linear)
-    said = pt.export_twin(again, "urdf", tmp_path / "m.urdf")
+    said = pt.export(again, "urdf", tmp_path / "m.urdf")
     assert any("no place for: " in line and "gravity [" in line for line in said.notes)
 
 

@@ -70,7 +70,7 @@ def test_a_table_will_do_as_a_log(folder):
         (lambda: pt.new("emps", 3, out="m"), "log: expected a Log, a file name"),
         (lambda: pt.diagnose("emps", []), "no log given"),
         (lambda: known_twin(plain_machine("emps")).effort(3), "log: expected a Log, a file name"),
-        (lambda: pt.export_twin(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
+        (lambda: pt.export(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
     ],
 )
 def test_wrong_types_are_named_in_an_error_of_our_own(call, text):
@@ -129,7 +129,7 @@ def test_repr_is_one_short_screen(folder):
         pt.check(machine, folder / "log.csv"),
         pt.compare(twin, twin),
         pt.decompose(twin, folder / "log.csv"),
-        pt.export_twin(twin, "c", folder / "effort.c"),
+        pt.export(twin, "c", folder / "effort.c"),
         pt.new("XYZAC", folder / "log.csv", out=folder / "fresh"),
     )
     for one in (log, twin, machine, motion, found, *others):

@@ -68,16 +68,6 @@ def modes(
 ) -> Modes:
     """Return natural frequencies, damping and shapes of a machine at a posture.
 
-    Args:
-        machine: a machine with the nominal springs of its machine.yaml, or a twin with those found.
-        posture: axis -> position [m or rad]; others at zero.
-        locked: axes whose motor holds still: "all", "none", or their names. An axis with a
-            stiffness is not locked.
-        stiffness: what the closed servo puts on an axis [N/m or N·m/rad]; also replaces that of a
-            passive joint.
-        damping: likewise [N·s/m or N·m·s/rad].
-        gravity: whether gravity acts (it makes a pendulum of a free tilting axis).
-
     Raises:
         MachineError: an unknown axis, or a passive joint of unknown stiffness.
     """

@@ -131,16 +131,11 @@ def _plant_named(
 
 @dataclass(frozen=True)
 class _Loops:
-    """What is said of controllers and tracking errors.
+    """What is said of controllers and tracking errors."""
 
-    Attributes:
-        turned: gains that changed, and limits of drives. gone: axis -> what is said of a law that is gone.
-        tracked: the residual of the tracking error.
-    """
-
-    turned: Sequence[ServoChange] = ()
-    gone: Mapping[str, str] = field(default_factory=dict)
-    tracked: Tracked = field(default_factory=Tracked)
+    turned: Sequence[ServoChange] = ()  # gains that changed, and limits of drives
+    gone: Mapping[str, str] = field(default_factory=dict)  # axis -> what is said of a law that is gone
+    tracked: Tracked = field(default_factory=Tracked)  # the residual of the tracking error
 
 
 def _closed_loops(
@@ -209,21 +204,14 @@ def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagn
 
 @dataclass(frozen=True, eq=False)
 class _Searched:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        whole: the search on all rows. found: that beside the pushes.
-        pushed: pushes from outside.
-        compared: what the first search compared. rest: what the second did.
-        asks_pushes: whether pushes are looked for.
-    """
-
-    whole: Search
-    found: Search
-    pushed: Sequence[Episodes]
-    compared: Comparison
-    rest: Comparison
-    asks_pushes: bool
+    whole: Search  # the search on all rows
+    found: Search  # that beside the pushes
+    pushed: Sequence[Episodes]  # pushes from outside
+    compared: Comparison  # what the first search compared
+    rest: Comparison  # what the second did
+    asks_pushes: bool  # whether pushes are looked for
 
 
 def _searched(
@@ -361,12 +349,7 @@ def _closes(e: Found) -> float:
 
 
 def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:
-    """Return what the twin already lacked on its own logs: no change, but worth identifying.
-
-    Args:
-        c: of a twin with its own logs.
-        found: the search, whose candidates are asked again on the own logs alone.
-    """
+    """Return what the twin already lacked on its own logs: no change, but worth identifying."""
     if c.own is None:
         return []
     alone = replace(c, new=c.own, own=None, unseen=None)

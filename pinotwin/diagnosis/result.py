@@ -30,9 +30,9 @@ class Gap:
         nrmse: the same over the RMS of the signal.
         noise: RMS of the noise.
         after: RMS once the named effects are modelled.
-        misfit: RMS that the twin left of its own logs, cross-validated, with what its effort is less sure of in this
-            motion; NaN where there is none.
+        misfit: RMS that the twin left of its own logs, cross-validated, as `identify` states it; NaN for none.
         size: by how much the signal varies, against which the residual of a machine is judged; its RMS where NaN.
+        unsure: what the twin's effort is less sure of in this motion than in its own logs.
     """
 
     rms: float
@@ -41,6 +41,12 @@ class Gap:
     after: float
     misfit: float = float("nan")
     size: float = float("nan")
+    unsure: float = 0.0
+
+    @property
+    def expected(self) -> float:
+        """The error that is expected of the twin in this motion [unit of the signal]; NaN where no misfit is known."""
+        return math.hypot(self.misfit, self.unsure)
 
 
 @dataclass(frozen=True)
@@ -262,7 +268,7 @@ class Diagnosis(Drawn):
         shrinks = named or (signal == "e" and g.after < g.rms)  # by what was named on another axis
         own = g.rms / g.nrmse if g.nrmse > 0.0 else None
         size = g.size if math.isfinite(g.size) else own
-        word = grade(g.rms, g.misfit, g.noise, g.after if shrinks else None, size=size, signal=signal)
+        word = grade(g.rms, g.expected, g.noise, g.after if shrinks else None, size=size, signal=signal)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal in self.unexplained.get(axis, {}) and word != "partly explained":

@@ -45,13 +45,7 @@ class PassiveForce:
 
 
 def install(model: Any, *, memory: bool = False) -> PassiveForce:
-    """Make MuJoCo call the function for every model from now on; return it.
-
-    Args:
-        model: the ``mujoco.MjModel``.
-        memory: take over dry friction as well, with its memory, and switch the model's ``frictionloss``
-            off: what an inverse dynamics should use. A simulation would need very short steps.
-    """
+    """Make MuJoCo call the function for every model from now on; return it."""
     import mujoco
 
     data = DATA

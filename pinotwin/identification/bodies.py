@@ -15,17 +15,19 @@ from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.plant import Plant
 from pinotwin.identification.settings import Settings
 from pinotwin.machine import Machine
+from pinotwin.motion import Motion
 from pinotwin.solve.bodies import Bodies, Evidence, Near, near
 from pinotwin.solve.sandwich import bartlett
 
 
 def near_urdf(
-    machine: Machine, plant: Plant, known: CrossValidated, settings: Settings
+    machine: Machine, plant: Plant, known: CrossValidated, settings: Settings, rows: float | None = None
 ) -> tuple[Plant, CrossValidated, dict[str, Any]]:
     """Return the plant with bodies near the URDF's, its rows predicted part by part, and what bodies cost on these.
 
     The price is the error on held-out rows over that of the plant as given, and over the least at any weight of the
-    URDF: what bodies that can exist cannot explain is an effect that is missing, or a wrong URDF.
+    URDF: what bodies that can exist cannot explain is an effect that is missing, or a wrong URDF. So many ``rows`` [1]
+    tell as much as an independent one, if that is known.
     """
     (bodies, dummy), fit = bodies_of(machine), plant.fit
     rigid = rigid_body_of(plant.effects)[1]
@@ -33,9 +35,8 @@ def near_urdf(
         fit.factor, fit.right, fit.theta, np.arange(rigid.start, rigid.stop), fit.lower, fit.upper
     )
     weight, price = settings.urdf_rows[0], dict.fromkeys(("unseen_over_free", "unseen_over_best"))
-    rows = correlated_rows(plant, fit.theta)
-    found = near(evidence, bodies, weight * rows)
-    rows = correlated_rows(plant, found.theta)
+    found = near(evidence, bodies, weight * (rows or correlated_rows(plant, fit.theta)))
+    rows = rows or correlated_rows(plant, found.theta)
     if (held := known.held) is not None:
         parts = [replace(evidence, factor=x.held[0], right=x.held[1], theta=x.theta) for x in held.fits]
         folds = {
@@ -62,14 +63,19 @@ def bodies_of(machine: Machine) -> tuple[Bodies, Mask]:
     return Bodies(P, pi, count), dummy
 
 
-def correlated_rows(plant: Plant, theta: Floats, memory: float = 1.0) -> float:
-    """Return how many rows of one sigma tell as much as an independent row of the residual, mean of the axes.
+def memory(motion: Motion, seconds: float = 1.0) -> int:
+    """Return the number of fitted rows over which a residual is taken to be correlated, for so many seconds [s]."""
+    return max(round(seconds / (motion.step * motion.decimation)), 1)
+
+
+def correlated_rows(plant: Plant, theta: Floats) -> float:
+    """Return how many rows of one sigma tell as much as an independent row of the residual, mean of the axes [1].
 
     That is the variance of the residual's sum over that of as many independent rows of the free fit's sigma: what
-    bodies that can exist leave is larger than sigma, and correlated for up to ``memory`` [s].
+    bodies that can exist leave is larger than sigma, and correlated for a second.
     """
     problem, sigma = plant.fit.problem, plant.fit.sigma
-    lags = max(round(memory / (plant.motion.step * plant.motion.decimation)), 1)
+    lags = memory(plant.motion)
     axes = problem.axis_place[:, None] == np.arange(len(sigma))
     own = axes * (problem.y - problem.W @ theta)[:, None] / sigma
     lagged = np.diag(bartlett(problem.grid.spread(own, lags), lags))

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect, needs_model
 from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
@@ -19,7 +19,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
-from pinotwin.solve.crossval import HeldOut, held_out
+from pinotwin.solve.crossval import HeldOut, fold_order, held_out
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop
 
@@ -32,7 +32,8 @@ class CrossValidated:
     length: int  # rows of the motion
     rows: Rows  # which of them the problem holds
     problem: Problem  # rows and columns
-    folds: int  # parts of the log
+    log: Ints  # number of the log of each row of the motion, shape (n,)
+    folds: int  # parts of the logs: whole ones where there are enough
     held: HeldOut | None  # what the parts predict of one another; None where there are too few rows
 
     @classmethod
@@ -43,20 +44,37 @@ class CrossValidated:
         motion: Motion,
         known: tuple[Rows, Problem] | None = None,
         folds: int = USUAL.folds,
+        log: Ints | None = None,
     ) -> Self:
-        """Cross-validate the problem of some effects, assembled already or of a motion's rows."""
+        """Cross-validate the problem of some effects, assembled already or of a motion's rows (n,)."""
         rows = known[0] if known else choose_rows(motion)
         problem = known[1] if known else assemble(motion, effects, rows)
+        log = np.zeros(len(motion), dtype=np.intp) if log is None else log
+        edges = log_edges(problem, log[rows.sample[problem.time]])
         try:
-            held = held_out(problem, folds=folds, options=fit_options(machine, effects, motion))
+            held = held_out(problem, folds, options=fit_options(machine, effects, motion), edges=edges)
         except DataError:
             held = None
-        return cls(tuple(effects), len(motion), rows, problem, folds, held)
+        folds = folds if held is None else len(held.theta)
+        return cls(tuple(effects), len(motion), rows, problem, log, folds, held)
 
     def serves(self, effects: Sequence[Effect], motion: Motion) -> bool:
         """Whether that of these effects on a motion would be the same; not where columns follow theta."""
         same = list(map(id, effects)) == list(map(id, self.effects)) and len(motion) == self.length
         return same and not needs_model(effects)
+
+
+def log_edges(problem: Problem, log: Ints, fewest: int = 3, most: int = 12) -> Ints | None:
+    """Return where logs begin in time, the end last, of rows of logs numbered so, shape (rows,); None of too few.
+
+    Of more than ``most`` logs some are a part together.
+    """
+    order, times = fold_order(problem)
+    starts = np.array([order[log == k].min() for k in np.unique(log)])
+    if len(starts) < fewest:
+        return None
+    first = np.linspace(0, len(starts), min(len(starts), most) + 1).astype(int)[:-1]
+    return np.append(starts[first], times)
 
 
 def error_row(y: Floats, error: Floats) -> dict[str, float]:
@@ -127,13 +145,7 @@ def warnings(
 def signs_of_missing_effects(
     quality: Mapping[str, Any], rigid_pairs: int = 2, settings: Settings = USUAL
 ) -> list[str]:
-    """Return what in the figures of a twin suggests an effect that its machine does not list.
-
-    Args:
-        quality: of the twin.
-        rigid_pairs: pole pairs of a rigid axis under a cascade; another one is a vibration.
-        settings: error from which a controller misses the tracking.
-    """
+    """Return what in the figures of a twin suggests an effect that its machine does not list."""
     loops, servos = quality.get("loops", {}), quality.get("servos", {})
     return [
         *(f"{name} ended at its bound" for name in quality["at_bound"]),

@@ -15,7 +15,7 @@ from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
-from pinotwin.solve.crossval import HeldOut, fold_order
+from pinotwin.solve.crossval import HeldOut
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
 
@@ -31,19 +31,60 @@ def misfit_of(
     loop moved it itself away from least squares on all of them. What is known of the rows as they were fitted,
     part by part, is found anew where loops changed its effects.
     """
-    motion = without_model(motion)
+    motion, log = without_model(motion), known.log
     if len(motion) > settings.kept:
         starts = np.linspace(0, len(motion) - (size := settings.kept // 12), 12).astype(int)
         motion = Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
+        log = np.concatenate([log[s : s + size] for s in starts])
     if not known.serves(plant.effects, motion):
-        known = CrossValidated.of(plant.machine, plant.effects, plant.scene(motion), folds=settings.folds)
+        scene = plant.scene(motion)
+        known = CrossValidated.of(plant.machine, plant.effects, scene, folds=settings.folds, log=log)
     if known.held is None:
         return None
     theta = known.held.theta + plant.theta - known.held.whole
-    fold = _fold_of_rows(known, len(motion))
+    fold = _fold_of_rows(known, known.held.fold)
     foreseen = _foreseen(motion, known, known.held)
     residual = _residual(plant, motion, theta, fold)
-    return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use))
+    return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use), log)
+
+
+def misfit_with(
+    plant: OpenLoop,
+    before: Misfit,
+    new: Sequence[Motion],
+    parts: Sequence[CrossValidated],
+    known: CrossValidated,
+    settings: Settings,
+) -> tuple[Misfit, CrossValidated | None]:
+    """Return the misfit of kept rows and more logs, and how their blocks were predicted where there are few logs.
+
+    ``parts`` are the rows of the new logs, ``known`` the factors of all logs, each predicted from the others.
+    """
+    count, held, most = int(known.problem.block.max()) + 1, known.held, settings.kept // 4
+    merged = parts[-1].log[-1] + 1 - count  # of the oldest logs, which are kept as one
+    whose = [before.log, *(part.log[:most] for part in parts)]
+    log = np.maximum(np.concatenate(whose) - merged, 0)[-settings.kept :]
+    kept, resting = [before.motion], [np.zeros_like(before.motion.use)]
+    fold = [] if held is None else [held.fold[known.problem.block == k][0] for k in range(count)]
+    for motion, part in zip(new, parts, strict=True):
+        resting.append(~motion.use[:most])
+        if held is not None:
+            own = replace(held, fold=np.full(len(part.problem.y), fold[part.log[0] - merged]))
+            motion = _foreseen(motion, part, own)
+        kept.append(without_model(motion).cut(0, most))
+    joined = Motion.join(kept)
+    joined = joined.cut(max(len(joined) - settings.kept, 0), len(joined))
+    if held is None:
+        blocks = CrossValidated.of(plant.machine, plant.effects, plant.scene(joined), folds=settings.folds)
+        if blocks.held is not None:
+            moved = blocks.held.theta + plant.theta - blocks.held.whole
+            blocks = replace(blocks, held=blocks.held.by(blocks.problem, moved, plant.theta))
+        found = misfit_of(plant, joined, blocks, settings)
+        return replace(found or before, log=log), blocks
+    theta, of_rows = held.theta + plant.theta - held.whole, np.array(fold)[log]
+    left = _residual(plant, joined, theta, of_rows)
+    summary = _summary(joined, left, np.concatenate(resting)[-settings.kept :])
+    return Misfit(joined, of_rows, theta, summary, log), None
 
 
 def _foreseen(
@@ -83,14 +124,12 @@ def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Flo
     return motion.u - effort
 
 
-def _fold_of_rows(known: CrossValidated, length: int) -> Ints:
-    """Return the part each row of the motion belongs to: that of the fitted row before it."""
-    order, times = fold_order(known.problem)
-    edges = np.linspace(0, times, known.folds + 1).astype(int)
-    out, fold = np.full(length, -1), np.searchsorted(edges, order, side="right") - 1
-    out[known.rows.sample[known.problem.time]] = np.clip(fold, 0, known.folds - 1)
+def _fold_of_rows(known: CrossValidated, fold: Ints) -> Ints:
+    """Return the part each row of the motion belongs to, (n,): that of the fitted row before it."""
+    out = np.full(known.length, -1)
+    out[known.rows.sample[known.problem.time]] = fold
     there = np.flatnonzero(out >= 0)
-    return out[there[np.clip(np.searchsorted(there, np.arange(length), side="right") - 1, 0, None)]]
+    return out[there[np.clip(np.searchsorted(there, np.arange(len(out)), side="right") - 1, 0, None)]]
 
 
 def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:

@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
+from pinotwin.arrays import Ints
 from pinotwin.columns import bind
+from pinotwin.dynamics.parameters import parameters
+from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
+from pinotwin.identification.assemble import assemble
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
-from pinotwin.identification.bodies import near_urdf
+from pinotwin.identification.bodies import memory, near_urdf
+from pinotwin.identification.days import friction_scatter
 from pinotwin.identification.judge import CrossValidated, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
@@ -28,8 +33,10 @@ from pinotwin.logs.prepare import EvenLogs, prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
+from pinotwin.solve.result import LinearFit
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import OpenLoop, Twin
+from pinotwin.twin.moments import Moments
 
 
 @one_blas_thread
@@ -78,32 +85,63 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
-    fit, validated, price = _with_bodies(machine, fit, consistent, settings)
+    fit, validated, price = _with_bodies(machine, fit, consistent, even.whose, settings)
     plant = open_loop(machine, fit)
     quality = judge(machine, fit, plant, validated, later) | {"consistency": price, "leads": leads}
     quality["sizes"] = sizes.axes
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
-    loop = loop and fit.motion.qr is not None
-    closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
+    closed = ClosedLoops(plant)
+    if loop and fit.motion.qr is not None:
+        closed = close_loops(plant, fit.motion, even, tell, settings)
+    closed = replace(closed, plant=sizes.stated(closed.plant))
     said = [*sizes.notes(machine), *warnings(quality, plant, fit.motion, settings), *closed.warnings]
-    return replace(closed, plant=sizes.stated(closed.plant)).twin(
-        quality={**quality, "warnings": [*bending_warnings(bending), *said], **closed.quality},
-        data=[_provenance(item, fit.motion) for item in given],
-        settings=preparation,
+    quality["warnings"] = [*bending_warnings(bending), *said]
+    data = [provenance(item, fit.motion) for item in given]
+    return _twin(closed, fit, validated, settings, quality=quality, data=data, settings=preparation)
+
+
+def _twin(
+    closed: ClosedLoops,
+    fit: Plant,
+    known: CrossValidated,
+    by: Settings,
+    /,
+    *,
+    quality: Mapping[str, Any],
+    **rest: Any,
+) -> Twin:
+    """Return the twin of a plant and its loops, with what it keeps of its logs."""
+    moments = moments_of(closed.plant, fit.motion, known, fit.fit)
+    days = friction_scatter(closed.plant, moments, fit.fit.sigma)
+    return closed.twin(
+        quality={**quality, "days": days, **closed.quality},
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, fit.motion, validated, settings),
+        misfit=misfit_of(closed.plant, fit.motion, known, by),
+        moments=moments,
+        **rest,
     )
 
 
 def _with_bodies(
-    machine: Machine, fit: Plant, consistent: bool, settings: Settings
+    machine: Machine, fit: Plant, consistent: bool, log: Ints, settings: Settings
 ) -> tuple[Plant, CrossValidated, dict[str, Any] | None]:
     """Return the plant with bodies near the URDF's if asked for, its rows part by part, and the price of bodies."""
     known = (fit.rows, fit.fit.problem)
-    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds)
+    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds, log)
     if not consistent or machine.passive:  # a passive joint's own row completes its bodies, see find_springs
         return fit, validated, None
     return near_urdf(machine, fit, validated, settings)
+
+
+def moments_of(plant: OpenLoop, motion: Motion, known: CrossValidated, fit: LinearFit) -> Moments:
+    """Return what is kept of the rows, which are assembled again where loops changed the effects of the plant."""
+    problem, N = known.problem, fit.factor.T @ fit.factor
+    if not known.serves(plant.effects, motion):
+        problem = assemble(plant.scene(without_model(motion)), plant.effects, known.rows)
+    log = known.log[known.rows.sample[problem.time]]
+    parts, lags = [problem.rows(log == k) for k in np.unique(log)], memory(motion)
+    pi = parameters(plant.machine.model)
+    return Moments.of(parts, plant.machine.nv, plant.theta, lags, N @ fit.covariance @ N, pi)
 
 
 def _unseen(
@@ -196,7 +234,8 @@ def _preparation(machine: Machine, motion: Motion) -> dict[str, Any]:
     }
 
 
-def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
+def provenance(log: Log, motion: Motion) -> dict[str, Any]:
+    """Return what a twin says of a log that it was fitted to."""
     return {
         "source": log.source,
         "samples": len(log),

@@ -51,19 +51,18 @@ class Plant:
 
 
 def fit_plant(machine: Machine, motion: Motion, settings: Settings = USUAL) -> Plant:
-    """Identify the open-loop dynamics of a machine from one motion.
-
-    Args:
-        machine: what is believed.
-        motion: prepared log(s).
-        settings: by which it decides.
-    """
+    """Identify the open-loop dynamics of a machine from one motion."""
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
     motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows, settings)
-    base, pi0 = machine.base, parameters(machine.model)
-    pi = pi0 + np.linalg.pinv(base.P) @ (fit.theta[_beta(effects)] - base.P @ pi0)
+    pi = standard_parameters(machine, effects, fit.theta)
     return Plant(effects, rows, fit, fit.theta, pi, errors, bounds, motion)
+
+
+def standard_parameters(machine: Machine, effects: Sequence[Effect], theta: Floats) -> Floats:
+    """Return the standard inertial parameters of coefficients (p,) that are nearest to the URDF's, shape (p_std,)."""
+    P, pi0 = machine.base.P, parameters(machine.model)
+    return np.asarray(pi0 + np.linalg.pinv(P) @ (theta[_beta(effects)] - P @ pi0))
 
 
 def _settled(

@@ -36,11 +36,6 @@ def find_springs(
     """Return the plant with stiffness and damping of every passive joint that moves, and how well they fit.
 
     The latter tells, per joint, the RMS of what its row leaves and of its spring's torque [N·m or N].
-
-    Args:
-        plant: the motors' rows fitted with the vibration.
-        motion: prepared log(s) with the vibration.
-        settings: how doubtful the CAD is.
     """
     rows: dict[str, Any] = {}
     for joint in plant.machine.passive:

@@ -61,12 +61,6 @@ def estimate(
 ) -> BatchResult:
     """Return the deflection of every run with everything that had to be found for it.
 
-    Args:
-        servo: runs as the machine saw them.
-        imu: the same runs as the IMU saw them.
-        priors: starting values and their uncertainty.
-        clocks: clock fits, where already known; else :func:`pinotwin.imu.clock.sync` is run.
-
     Raises:
         DataError: nothing rotates, one axis only and gravity does not help, the joint hardly
             deflects, or arrays do not fit.

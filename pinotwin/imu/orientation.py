@@ -20,17 +20,6 @@ def orientation(
 ) -> Floats:
     """Return quaternions (n, 4), sensor to earth (z up), heading as at the start.
 
-    Args:
-        gyr: angular rate [rad/s], (n, 3), evenly sampled.
-        acc: specific force [m/s²], (n, 3).
-        rate: sampling rate [Hz].
-        method: "vqf" the offline VQF of its authors' package (Laidig and Seel 2023,
-            10.1016/j.inffus.2022.10.014), "offline" our smoother for whole records, "ekf" the adaptive filter
-            (thesis Fig. 6-5), "smoother" its two-way form.
-        rule: what the gyro's samples are, see :func:`pinotwin.imu.rotation.increments`; means over the
-            interval that ends at the stamp, as sensors deliver them, or instantaneous rates, as they are
-            after an interpolation. VQF knows means only: it is given those of the interpolated rate.
-
     Raises:
         DataError: arrays that do not fit, that are not finite, or an unknown method.
     """

@@ -79,15 +79,7 @@ def inclination_error(q: Floats, reference: Floats) -> Floats:
 
 
 def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floats:
-    """Return the rotation vectors [rad] of the steps between samples, shape (n - 1, 3).
-
-    Args:
-        gyr: angular rate at the samples [rad/s], shape (n, 3).
-        step: sampling intervals [s], one for all or shape (n - 1,).
-        rule: what the samples are. "mean": averages over the interval that ends at the stamp, as
-            strapdown sensors deliver them (two-sample coning term). "coning": instantaneous rates,
-            fourth order (the cubic needs one step for all; else trapezoid with the coning term).
-    """
+    """Return the rotation vectors [rad] of the steps between samples, shape (n - 1, 3)."""
     a, b = gyr[:-1], gyr[1:]
     h = np.broadcast_to(np.asarray(step, dtype=float), (len(a),))[:, None]
     if rule == "mean":

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.columns import bind
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
@@ -102,6 +102,11 @@ class EvenLogs:
             raise DataError(f"{machine.name}: no log given; give at least one")
         even = [_regular(machine, item, how, settings) for item in logs]
         return cls(tuple(_at_one_rate(machine, even, settings)), how, settings)
+
+    @property
+    def whose(self) -> Ints:
+        """Number of the log that each row of their motion is of, shape (n,)."""
+        return np.repeat(np.arange(len(self.logs)), [len(x) for x in self.logs])
 
     def motion(
         self,

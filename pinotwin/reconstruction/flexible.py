@@ -49,13 +49,6 @@ def identify_flexible(
 ) -> Flexible:
     """Identify a machine with the vibration of its passive joint.
 
-    Args:
-        machine: with one passive joint.
-        logs: servo log(s).
-        vibrations: the reconstruction that belongs to each.
-        options: of :func:`pinotwin.identify`; ``loop`` is False unless given, and logs to ``validate`` hold
-            ``<joint>.v``.
-
     Raises:
         DataError: logs and vibrations do not come in pairs.
     """

@@ -19,13 +19,6 @@ def with_vibration(
 
     The velocity is all that the motors' equations take (thesis Eq. 7.2).
 
-    Args:
-        log: servo log of the same run, on the same clock.
-        vibration: a reconstruction, or the log that ``pinotwin vibration`` wrote.
-        joint: the passive joint; from the vibration's channels when None.
-        row: also give ``<joint>.q`` and ``.a``, for the passive joint's own equation. It has no
-            measured effort: see :mod:`pinotwin.reconstruction.flexible`.
-
     Raises:
         DataError: the vibration has no such channel, or does not cover the log.
     """

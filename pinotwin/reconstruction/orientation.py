@@ -38,11 +38,6 @@ def orientation_of_log(log: Log, method: Method = "vqf", *, hole: float = 3.5) -
     A log on an even clock is taken as the sensor's own means; one with jitter or holes is interpolated to
     an even clock first, and its samples are then instantaneous rates.
 
-    Args:
-        log: ``t, gx, gy, gz, ax, ay, az``.
-        method: see :func:`pinotwin.imu.orientation.orientation`.
-        hole: sampling intervals beyond which samples are missing.
-
     Raises:
         LogError: a channel is missing, the clock runs backwards, or a hole is longer than a second.
     """

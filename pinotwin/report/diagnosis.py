@@ -52,15 +52,7 @@ def diagnosis_report(
     validate: Sequence[Log] = (),
     files: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return a self-contained HTML page about the residual between log and model.
-
-    Args:
-        d: what was found.
-        logs: the log(s) that were diagnosed, in the same order; with them, and the machine in the
-            diagnosis, the residual is also drawn against speed and position.
-        validate: the log(s) that nothing was fitted to.
-        files: name and content of what lies beside the page, to link to.
-    """
+    """Return a self-contained HTML page about the residual between log and model."""
     logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
     content = {

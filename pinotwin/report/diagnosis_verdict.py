@@ -120,7 +120,7 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         if word == "not judged" and axis not in d.remains:
             continue
         scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
-        times = g.rms / g.misfit if g.misfit else math.nan
+        times = g.rms / g.expected if g.expected else math.nan
         sizes = {"rms": scale.text(g.rms), "after": f"{g.after * scale.factor:.3g}", "times": times}
         looks = f" It {plain_sentence(why)}." if why else ""
         if word in DIAGNOSED:
@@ -155,6 +155,8 @@ def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
         beside.append(f"noise {g.noise * scale.factor:.3g}")
     if g.misfit == g.misfit:
         beside.append(f"validation error {scale.text(g.misfit)}")
+    if g.expected > g.misfit:
+        beside.append(f"expected here {scale.text(g.expected)}")
     name, small = SIGNALS.get(signal, signal), signal != "u"
     return Tile(name, now, " · ".join(beside), printed(word), KIND[word], MEANING[word], small)
 

@@ -8,7 +8,7 @@ from typing import Any
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Group, Plot, Tabs, macro, table, tiles
+from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, macro, table, tiles
 from pinotwin.report.closed_loop import closed_loop_content
 from pinotwin.report.effort_plots import (
     breakdown_figure,
@@ -36,12 +36,6 @@ def identification_report(
 ) -> str:
     """Return a self-contained HTML page about an identified machine.
 
-    Args:
-        twin: what was identified.
-        logs: the log(s) it was identified from.
-        validate: log(s) it was judged on, if there were any.
-        made: ``date``, ``seconds_taken`` and ``options``, where they are known.
-
     Raises:
         DataError: the logs hold no row that the twin can be compared with.
     """
@@ -60,6 +54,7 @@ def identification_report(
         "seen": "a log that was not used to fit" if validate else "the log that was fitted",
         "bodies": table(head, weights, numeric=(1, 2, 3)) if weights else None,
         "price": "; ".join(price),
+        "days": _days(twin),
         "parameters": parameter_table(twin.parameters, list(twin.machine.axes)),
         "groups": [", ".join(map(str, group)) for group in twin.groups],
         "alone": [row for row in twin.parameters if not row.determined and row.name not in tied],
@@ -73,6 +68,13 @@ def identification_report(
     facts = made_of(twin.machine, used, **(made or {}))
     title = f"{twin.machine.name}: identification"
     return Page(title, _subtitle(given), template="identification", given=content, made=facts).html()
+
+
+def _days(twin: Twin) -> Html | None:
+    """Return the table of what friction differs by from log to log; None of an old twin, or without friction."""
+    days = twin.quality.get("days", {})
+    rows = [[axis, name, display.percent(x)] for axis, row in days.items() for name, x in row.items()]
+    return table(("axis", "friction", "standard deviation"), rows, numeric=(2,)) if rows else None
 
 
 def _subtitle(given: Evidence) -> str:

@@ -377,10 +377,6 @@ def feedforward(twin: Twin, log: Log) -> Log:
 
     Rigid body, friction, ripple, tables and external loads of the twin at the *commanded* position,
     velocity and acceleration (by cubic spline); nothing is simulated and nothing measured is used.
-
-    Args:
-        twin: the machine.
-        log: ``t``, ``<axis>.qr`` and external loads.
     """
     asked = request(twin.machine, log)
     a = np.stack([scipy.interpolate.CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)

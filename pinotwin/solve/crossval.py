@@ -7,18 +7,16 @@ Every piece of rows is reduced once to its R factor, so that all folds cost abou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress, pairwise
 from typing import Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
-from pinotwin.solve.linear import Options, Reduced, Solution, reduce, solve
+from pinotwin.solve.linear import Options, Solution, merged, reduce, solve
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.tsqr import r_factor
 
 
 @dataclass(frozen=True)
@@ -65,10 +63,15 @@ class HeldOut:
 
 
 def held_out(
-    problem: Problem, folds: int = 5, guard: int | None = None, options: Options | None = None
+    problem: Problem,
+    folds: int = 5,
+    guard: int | None = None,
+    options: Options | None = None,
+    edges: Ints | None = None,
 ) -> HeldOut:
     """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
+    ``edges`` are where other stretches, such as whole logs, begin and end, shape (folds + 1,); they need no guard.
     Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
 
     Raises:
@@ -76,24 +79,27 @@ def held_out(
     """
     options = options or Options()
     order, times = fold_order(problem)
+    if edges is not None:
+        folds, guard = len(edges) - 1, 0
     if folds < 2 or times < 2 * folds:
         raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")
     guard = times // (20 * folds) if guard is None else guard
-    edges = np.linspace(0, times, folds + 1).astype(int)
+    edges = np.linspace(0, times, folds + 1).astype(int) if edges is None else edges
     cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
     pieces = [
         reduce(problem.rows((order >= a) & (order < b)), tuple(problem.slices)) for a, b in pairwise(cuts)
     ]
-    whole = solve(_merge(pieces, np.ones(len(pieces), bool)), options)
+    whole = solve(merged(pieces), options)
     options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
     fits, tests = [], []
     error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
-        fits.append(solve(_merge(pieces, outside), options))
+        fits.append(solve(merged(list(compress(pieces, outside))), options))
         theta[k] = fits[k].theta
-        tests.append(_merge(pieces, (cuts[:-1] >= a) & (cuts[1:] <= b)).triangle(whole.sigma))
+        within = compress(pieces, (cuts[:-1] >= a) & (cuts[1:] <= b))
+        tests.append(merged(list(within)).triangle(whole.sigma))
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
     return HeldOut(theta, error, whole.sigma, tuple(fits), np.array(tests), fold, whole.theta)
@@ -104,11 +110,3 @@ def fold_order(problem: Problem) -> tuple[Ints, int]:
     starts = problem.grid.starts(0)
     _, order = np.unique(starts[problem.grid.block] + problem.grid.slot, return_inverse=True)
     return order, int(order.max()) + 1
-
-
-def _merge(pieces: Sequence[Reduced], use: Mask) -> Reduced:
-    """Return the factors of the pieces in use together: the rows themselves would be the problem once more."""
-    chosen = list(compress(pieces, use))
-    factors = zip(*(piece.factors for piece in chosen), strict=True)
-    rows = zip(*(piece.rows for piece in chosen), strict=True)
-    return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))

@@ -117,6 +117,13 @@ def reduce(problem: Problem, axes: Sequence[int] | None = None) -> Reduced:
     return Reduced(tuple(factors), tuple(rows))
 
 
+def merged(pieces: Sequence[Reduced]) -> Reduced:
+    """Return the factors of several pieces together: the rows themselves would be the problem once more."""
+    factors = zip(*(piece.factors for piece in pieces), strict=True)
+    rows = zip(*(piece.rows for piece in pieces), strict=True)
+    return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))
+
+
 def linear(problem: Problem, options: Options | None = None) -> LinearFit:
     """Fit a linear problem.
 

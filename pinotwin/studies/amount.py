@@ -33,13 +33,6 @@ def error_against_data(
     ||u - u_hat|| / ||u|| of all axes together; a row of the table is the length of the data [s], the error on them
     and the held-out one. The course of an axis is its held-out error, NaN where it does not move, shape (rows,).
 
-    Args:
-        machine: what is believed.
-        log: servo log(s).
-        seconds: lengths to fit [s]; None: ten, evenly spaced.
-        keep_back: share of the log, at its end, that is held out for validation.
-        guard: share left out between what is fitted and what is judged.
-
     Raises:
         DataError: the log is too short for that.
     """

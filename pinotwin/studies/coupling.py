@@ -51,12 +51,6 @@ def coupled_against_decoupled(
     deviation. The courses are of the axis that needs coupling most, each of shape (m,): ``t``, and the measured
     effort ``u`` beside what the ``coupled`` and the ``decoupled`` model expect of rows that they did not see.
 
-    Args:
-        machine: what is believed.
-        log: servo log(s).
-        axes: of the table; all when empty.
-        decimate: see :func:`pinotwin.prepare`.
-
     Raises:
         DataError: the log holds too little.
     """

@@ -50,13 +50,6 @@ def overlay(
     ``fitted`` curve at the same rows [N or N·m], each of shape (m,), and where the curve is drawn, ``grid`` and
     ``curve``, shape (g,).
 
-    Args:
-        twin: whose effects they are.
-        log: log(s) of the machine, or the evidence already made from them.
-        axis: name of the axis.
-        names: names of the effects: :data:`FRICTION` (Fig. 3-10), :data:`RIPPLE` (Fig. 3-9), :data:`TABLE`.
-        against: what they depend on.
-
     Raises:
         DataError: the axis has no such effect, or no measured effort.
     """

@@ -168,7 +168,7 @@ DIAGNOSED = {
     "not explained": "{axis}: no named cause explains the residual of {rms} RMS.{looks}",
     "partly explained": "{axis}: {after} of {rms} RMS remain unexplained.{looks}",
     "not judged": "Axis {axis} is not judged: {why}.",
-    "above misfit": "{axis}: the residual is {times:.2g} times the twin's validation error. Watch it.",
+    "above misfit": "{axis}: the residual is {times:.2g} times the twin's expected error. Watch it.",
     "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
     "No cause was searched for there.",
 }
@@ -176,8 +176,8 @@ DIAGNOSED = {
 
 MEANING: dict[str, str] = {
     "agrees": "the residual is no larger than the noise",
-    "within misfit": "above the noise, but no larger than the twin's validation error",
-    "above misfit": "somewhat above the twin's validation error, too little to search for a cause",
+    "within misfit": "above the noise, but no larger than the twin's expected error",
+    "above misfit": "somewhat above the twin's expected error, too little to search for a cause",
     "gap explained": "the named causes reduce the residual to noise and validation error",
     "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
     "not explained": "above the validation error, and no named cause explains it",

@@ -1,7 +1,8 @@
 """A twin on disk: ``twin.json`` (versioned), the identified URDF, the machine it belongs to, and what is large.
 
-The covariance of the coefficients is in ``covariance.npz`` (array ``lower``: the lower triangle, row by row), what the
-twin keeps of its own logs in ``misfit.npz``; in ``twin.json`` are the numbers that a person reads.
+The covariance of the coefficients is in ``covariance.npz`` (array ``lower``: the lower triangle, row by row) with the
+moments of the rows, what the twin keeps of its own logs in ``misfit.npz``; in ``twin.json`` are the numbers that a
+person reads.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pinotwin.machine.urdf import no_urdf_holds, with_inertias
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.writing import whole_folder, write_bytes, write_text
 from pinotwin.twin.misfit import FILE, read_misfit, write_misfit
+from pinotwin.twin.moments import Moments
 from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
@@ -83,7 +85,8 @@ def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
     write_bytes(folder / name, with_inertias(twin.machine.urdf, model))
     write_text(folder / "machine.yaml", _yaml(twin, model))
     with (folder / COVARIANCE).open("wb") as out:
-        np.savez_compressed(out, lower=twin.covariance[np.tril_indices(len(twin.theta))])
+        more = {} if twin.moments is None else twin.moments.arrays()
+        np.savez_compressed(out, lower=twin.covariance[np.tril_indices(len(twin.theta))], **more)
     if twin.misfit is not None:
         write_misfit(twin.misfit, folder / FILE)
     content = document(twin)
@@ -220,14 +223,14 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
     theta = np.array(content["theta"])
     if len(theta) != effect_slices(effects)[-1].stop:
         raise ValueError("the number of coefficients does not fit the effects")
-    misfit = None
+    misfit, (covariance, moments) = None, _read(folder, content["covariance_lower"], len(theta))
     if (summary := content.get("misfit")) and (folder / FILE).is_file():
         misfit = read_misfit(folder / FILE, machine.names, machine.rotary, summary)
     return Twin(
         machine=machine,
         effects=effects,
         theta=theta,
-        covariance=_covariance(folder, content["covariance_lower"], len(theta)),
+        covariance=covariance,
         parameters=Parameters(map(_parameter, content["parameters"])),
         pi=np.array(content["standard_inertial_parameters"]),
         diagonal={key: np.array(row) for key, row in content["diagonal"].items()},
@@ -238,19 +241,23 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
         settings=content["settings"],
         groups=content["not_separable"],
         misfit=misfit,
+        moments=moments,
     )
 
 
-def _covariance(folder: Path, given: dict[str, str] | list[list[float]], size: int) -> Floats:
-    """Return the covariance, shape (size, size)."""
+def _read(
+    folder: Path, given: dict[str, str] | list[list[float]], size: int
+) -> tuple[Floats, Moments | None]:
+    """Return the covariance, shape (size, size), and the moments, which older twins do not have."""
+    moments = None
     if isinstance(given, dict):
         with np.load(folder / COVARIANCE, allow_pickle=False) as file:
-            lower = file["lower"]
+            lower, moments = file["lower"], Moments.read(file)
     else:
         lower = np.concatenate(given)
     matrix = np.zeros((size, size))
     matrix[np.tril_indices(size)] = lower.reshape(size * (size + 1) // 2)
-    return np.asarray(matrix + np.tril(matrix, -1).T)
+    return matrix + np.tril(matrix, -1).T, moments
 
 
 def _remade(machine: Machine, item: dict[str, Any]) -> Effect:

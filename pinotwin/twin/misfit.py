@@ -33,6 +33,7 @@ class Misfit:
     theta: Floats  # coefficients with which that part was predicted, shape (folds, p)
     # axis -> size by regime, spectrum and correlation time; what ``twin.json`` shows
     summary: Mapping[str, Any]
+    log: Ints  # number of the log that each row is of, shape (n,)
 
     @cached_property
     def rows(self) -> int:
@@ -46,7 +47,7 @@ class Misfit:
 
 def write_misfit(misfit: Misfit, path: Path) -> None:
     """Write the own logs and the parts' coefficients."""
-    arrays: dict[str, Any] = {"fold": misfit.fold.astype(np.int8), "theta": misfit.theta}
+    arrays: dict[str, Any] = {"fold": misfit.fold.astype(np.int8), "theta": misfit.theta, "log": misfit.log}
     for f in fields(Motion):
         value = getattr(misfit.motion, f.name)
         if isinstance(value, np.ndarray):
@@ -73,7 +74,7 @@ def read_misfit(
             raise ValueError("its arrays do not fit the machine")
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise TwinError(f"{path}: damaged ({error}); identify the twin again") from None
-    return Misfit(motion, fold, theta, summary)
+    return Misfit(motion, fold, theta, summary, found.get("log", np.zeros_like(fold)))
 
 
 def _motion(found: Mapping[str, Any], names: tuple[str, ...], rotary: tuple[bool, ...]) -> Motion:

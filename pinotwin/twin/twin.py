@@ -21,6 +21,7 @@ from pinotwin.motion import Motion
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
 from pinotwin.twin.misfit import Misfit
+from pinotwin.twin.moments import Moments
 from pinotwin.twin.open_loop import OpenLoop
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ class Twin(OpenLoop, Drawn):
         settings: how they were prepared.
         groups: parameters that these data cannot distinguish.
         misfit: what it leaves of its own logs when it does not know them; None for a twin without logs.
+        moments: of the rows that were fitted, for :func:`pinotwin.update`; None of an older twin.
     """
 
     loops: Mapping[str, LoopModel] = field(default_factory=dict)
@@ -49,6 +51,7 @@ class Twin(OpenLoop, Drawn):
     settings: Mapping[str, Any] = field(default_factory=dict)
     groups: Sequence[Sequence[str]] = ()
     misfit: Misfit | None = None
+    moments: Moments | None = None
 
     @classmethod
     def of(cls, plant: OpenLoop, **rest: Any) -> Twin:

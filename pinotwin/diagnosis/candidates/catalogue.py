@@ -58,14 +58,10 @@ def _listed(kind: type[Effect], axis: Axis, comparison: Comparison) -> bool:
 
 @dataclass(frozen=True)
 class Joined(Effect):
-    """An effect together with one that it rides on: warming beside the cold viscous friction.
-
-    Attributes:
-        parts: the effect that gives the name last.
-    """
+    """An effect together with one that it rides on: warming beside the cold viscous friction."""
 
     axis: str | None
-    parts: tuple[Effect, ...]
+    parts: tuple[Effect, ...]  # the effect that gives the name last
     name: ClassVar[str] = "joined"
     searched: ClassVar[int] = 1
 

@@ -24,19 +24,13 @@ MOST = 40
 
 @dataclass(frozen=True)
 class Episode:
-    """One push.
+    """One push."""
 
-    Attributes:
-        start: [s]. end: [s]. segment: stretch of the motion it lies in.
-        force: its mean [N or N·m], with the sign of a load on the axis.
-        error: standard error of that.
-    """
-
-    start: float
-    end: float
+    start: float  # [s]
+    end: float  # [s]. segment: stretch of the motion it lies in
     segment: int
-    force: float
-    error: float
+    force: float  # its mean [N or N·m], with the sign of a load on the axis
+    error: float  # standard error of that
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,13 +137,7 @@ PAUSE = 60.0
 
 
 def loudest(t: Floats, left: Floats, above: float) -> list[float]:
-    """Return the frequencies of the highest peaks of a spectrum, of all logs together [Hz].
-
-    Args:
-        t: time of the rows, falling back where a log begins [s], shape (m,).
-        left: what is left at them, shape (m,).
-        above: frequency from which peaks are looked for, up to 0.4 of the rows' rate [Hz].
-    """
+    """Return the frequencies of the highest peaks of a spectrum, of all logs together [Hz]."""
     step = float(np.median(np.diff(t)))
     logs = joined(t, PAUSE)
     count = 1 + max(round(float(np.ptp(t[part])) / step) for part in logs)

@@ -62,13 +62,7 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
 
 
 def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -> tuple[list[str], list[str]]:
-    """Return sentences of advice and the kinds of motion that they ask for.
-
-    Args:
-        noise: ``repeats`` or ``assumed``.
-        pairs: effects that these logs do not tell apart; those that one motion tells apart share a sentence.
-        has_command: whether the logs hold the commanded position.
-    """
+    """Return sentences of advice and the kinds of motion that they ask for."""
     words = []
     if noise == "assumed":
         words.append(
@@ -91,12 +85,7 @@ def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -
 
 
 def resting(machine: Machine, seen: Collection[str]) -> list[str]:
-    """Return what to do about axes that these logs tell nothing of.
-
-    Args:
-        machine: whose axes.
-        seen: axes that have a gap, or that something else is said of.
-    """
+    """Return what to do about axes that these logs tell nothing of."""
     silent = [name for name in machine.axes if name not in seen]
     return [f"{x} hardly moves in these logs, or its effort is missing: it is not judged" for x in silent]
 
@@ -118,13 +107,7 @@ def _rubs(effect: str) -> bool:
 
 
 def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> list[str]:
-    """Return a word on validation logs that do not show what the diagnosed logs show of some axes.
-
-    Args:
-        c: what was compared.
-        open_axes: axes that nothing explains, or nothing but pushes, which no validation log needs to show.
-        rules: thresholds.
-    """
+    """Return a word on validation logs that do not show what the diagnosed logs show of some axes."""
     if not c.change or c.unseen is None:
         return []
     out = []
@@ -140,14 +123,7 @@ def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> l
 
 
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:
-    """Return a command (t and every ``<axis>.qr``) within what the log already visited.
-
-    Args:
-        machine: whose axes.
-        motion: a log of it: its travel and speed are the limits.
-        kind: ``slow``, ``speeds`` or ``multisine``.
-        axis: the axis that moves; the first when None.
-    """
+    """Return a command (t and every ``<axis>.qr``) within what the log already visited."""
     name = axis or next(iter(machine.axes))
     j = motion.index(name)
     q, v, a = motion.q[:, j], np.abs(motion.v[:, j]), np.abs(motion.a[:, j])

@@ -24,17 +24,12 @@ from pinotwin.diagnosis.search.scan import Scored, Searcher
 
 @dataclass(frozen=True, eq=False)
 class Closed:
-    """What is closed of the squared residual of one axis, in units of its floor.
+    """What is closed of the squared residual of one axis, in units of its floor."""
 
-    Attributes:
-        before: the whole of it by block, shape (K,). gained: what goes of that, shape (K,).
-        promised: share that goes of the blocks that were held out. on: which rows these are.
-    """
-
-    before: Floats
-    gained: Floats
-    promised: float
-    on: str
+    before: Floats  # the whole of it by block, shape (K,)
+    gained: Floats  # what goes of that, shape (K,)
+    promised: float  # share that goes of the blocks that were held out
+    on: str  # which rows these are
 
     @property
     def share(self) -> float:
@@ -63,34 +58,23 @@ def _share(before: Floats, gained: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One cause beside those that were named before it.
+    """One cause beside those that were named before it."""
 
-    Attributes:
-        step: of the search. sure: its confidence.
-        ground: with the causes before it. worth: what it is worth there.
-    """
-
-    step: Step
-    sure: float
-    ground: Searcher
-    worth: Scored
+    step: Step  # of the search
+    sure: float  # its confidence
+    ground: Searcher  # with the causes before it
+    worth: Scored  # what it is worth there
 
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """The residual that every share is stated of, and the causes in the order in which they were named.
+    """The residual that every share is stated of, and the causes in the order in which they were named."""
 
-    Attributes:
-        whole: the ground on all rows, without any cause. found: the search beside the pushes.
-        sure: confidence of each of its causes. pushed: pushes with theirs.
-        rules: thresholds.
-    """
-
-    whole: Searcher
-    found: Search
-    sure: Sequence[float]
-    pushed: Sequence[tuple[Episodes, float]]
-    rules: Rules
+    whole: Searcher  # the ground on all rows, without any cause
+    found: Search  # the search beside the pushes
+    sure: Sequence[float]  # confidence of each of its causes
+    pushed: Sequence[tuple[Episodes, float]]  # pushes with theirs
+    rules: Rules  # thresholds
 
     @property
     def comparison(self) -> Comparison:
@@ -166,10 +150,6 @@ def at_one_gap(effects: Sequence[Found], gaps: Mapping[str, Mapping[str, Gap]]) 
 
     What a further part closes of a twist was measured of what the first had left; of a vibration, of its power above
     the noise.
-
-    Args:
-        effects: with shrinks of any signal.
-        gaps: axis -> signal -> gap.
     """
     out = []
     for e in effects:

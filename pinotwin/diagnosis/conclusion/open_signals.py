@@ -13,7 +13,7 @@ from pinotwin.system.phrases import SIGNALS
 
 def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
     """Return axis -> times its tracking error is off by what the twin's own logs leave, of those beyond a level."""
-    times = {a: stays(g.rms, g.noise, g.misfit, None) for a, g in gaps.items() if math.isfinite(g.misfit)}
+    times = {a: stays(g.rms, g.noise, g.expected, None) for a, g in gaps.items() if math.isfinite(g.misfit)}
     return {axis: x for axis, x in times.items() if x > level}
 
 
@@ -25,7 +25,7 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
     """
     off = {
         (axis, signal): stays(
-            g.after, g.noise, g.misfit, g.size if math.isfinite(g.size) else g.rms / g.nrmse
+            g.after, g.noise, g.expected, g.size if math.isfinite(g.size) else g.rms / g.nrmse
         )
         for axis, row in found.gap.items()
         for signal, g in row.items()
@@ -51,6 +51,6 @@ def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:
             f"{axis} follows its command unlike its twin: the tracking error is {times:.1f} times the validation "
             "error, although the effort agrees. Check its controller and its command shaping"
         )
-    size = f"{times:.3g} times the twin's validation error" if known else f"{times:.1%} of the signal"
+    size = f"{times:.3g} times the twin's expected error" if known else f"{times:.1%} of the signal"
     word = "partly" if found.grade(axis, signal) == "partly explained" else "not"
     return f"the {SIGNALS[signal]} of {axis} is {word} explained: {size} remains"

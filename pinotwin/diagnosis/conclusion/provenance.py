@@ -17,14 +17,7 @@ from pinotwin.version import __version__
 def provenance(
     subject: Machine | Twin, logs: Sequence[Prepared], validation: Sequence[Prepared], **options: Any
 ) -> dict[str, Any]:
-    """Return what is needed to do a diagnosis again; the same for the same input.
-
-    Args:
-        subject: what was diagnosed.
-        logs: those in question.
-        validation: those that nothing was fitted to.
-        options: as they were given.
-    """
+    """Return what is needed to do a diagnosis again; the same for the same input."""
     twin = subject if isinstance(subject, Twin) else None
     machine = subject.machine if isinstance(subject, Twin) else subject
     used = [*((x.log, "diagnosed") for x in logs), *((x.log, "validation") for x in validation)]

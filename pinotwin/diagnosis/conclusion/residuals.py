@@ -11,7 +11,7 @@ from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.data.scatter import scatter
+from pinotwin.diagnosis.data.scatter import by_days, scatter
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Searcher
@@ -25,11 +25,6 @@ def gap_table(
 
     ``rms`` is that of ``u - twin.effort`` on the rows in motion of the logs in question; ``after`` is what
     is left of it once the named causes are modelled, by the share that goes on rows that were not fitted.
-
-    Args:
-        c: the comparison.
-        closed: joint -> what all named causes close.
-        noise: joint -> RMS of the noise.
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
@@ -39,11 +34,10 @@ def gap_table(
         level = rms(residual[rows, j])
         left = 1.0 - closed[j].bounded if j in closed else 1.0
         effort = rms(motion.u[rows, j])
-        misfit = float("nan")
-        if c.own is not None and j in c.own.joints:
-            misfit = c.floor[j]
+        misfit, unsure = _expected(c, j)
         after, size = level * float(np.sqrt(left)), c.new.size(j)
-        out[motion.names[j]] = {"u": Gap(level, level / max(effort, 1e-300), noise[j], after, misfit, size)}
+        nrmse = level / max(effort, 1e-300)
+        out[motion.names[j]] = {"u": Gap(level, nrmse, noise[j], after, misfit, size, unsure)}
     for axis in c.gate.silent:
         j = motion.index(axis)
         rows = judged_rows(motion, j)
@@ -51,6 +45,14 @@ def gap_table(
             level = rms(residual[rows, j])
             out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
     return out
+
+
+def _expected(c: Comparison, joint: int) -> tuple[float, float]:
+    """Return the twin's misfit and what it is less sure of here [N or N·m]; NaN and 0 where it knows none."""
+    if c.twin.misfit is None or c.own is None or joint not in c.own.joints:
+        return float("nan"), 0.0
+    more = max(c.floor[joint] ** 2 - c.own.level(joint) ** 2, 0.0)
+    return c.twin.misfit.summary[c.machine.names[joint]]["moving"], float(np.sqrt(more))
 
 
 def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float], str]:
@@ -71,7 +73,7 @@ def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float],
                 for a, b in pairs
             ]
             level = max(level, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(level, scatter(c, j, rules.scatter))) if c.change else level
+        out[j] = float(np.hypot(level, scatter(c, j, by_days(c, j, rules)))) if c.change else level
     return out, "repeats" if pairs else "assumed"
 
 

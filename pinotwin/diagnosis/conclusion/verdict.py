@@ -20,21 +20,14 @@ from pinotwin.system.phrases import joined
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is concluded.
+    """What is concluded."""
 
-    Attributes:
-        verdict: the word.
-        sentence: what a person reads first.
-        unexplained: axis -> signal -> share of the squared gap that no named cause closes.
-        remains: axis -> what is left follows, in words.
-        notes: what deserves attention on single axes.
-    """
-
-    verdict: Verdict
-    sentence: str
+    verdict: Verdict  # the word
+    sentence: str  # what a person reads first
+    # axis -> signal -> share of the squared gap that no named cause closes
     unexplained: Mapping[str, Mapping[str, float]]
-    remains: Mapping[str, str]
-    notes: Sequence[str]
+    remains: Mapping[str, str]  # axis -> what is left follows, in words
+    notes: Sequence[str]  # what deserves attention on single axes
 
 
 def judge(
@@ -46,18 +39,7 @@ def judge(
     rules: Rules = RULES,
     controllers: Mapping[str, str] | None = None,
 ) -> Judgement:
-    """Return the verdict on a comparison.
-
-    Args:
-        c: the comparison.
-        found: the search for causes.
-        gaps: axis -> signal -> gap.
-        effects: what is named.
-        possible: what was found and is not sure enough to be named: its axes stay open where their gap is more than
-            what is left anyway.
-        rules: thresholds.
-        controllers: axis -> what is said of a controller whose law is gone.
-    """
+    """Return the verdict on a comparison."""
     controllers = controllers or {}
     patterns = {
         c.machine.names[s.chosen.joint]: s.chosen.effect.says()
@@ -109,12 +91,12 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     """
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    return is_open(g.after, g.noise, g.misfit, size, rules)
+    return is_open(g.after, g.noise, g.expected, size, rules)
 
 
 def _agrees(g: Gap) -> bool:
     """Whether the gap of an axis, before any cause, is no more than what is left anyway."""
-    return grade(g.rms, g.misfit, g.noise) in ("agrees", "within misfit")
+    return grade(g.rms, g.expected, g.noise) in ("agrees", "within misfit")
 
 
 def _quiet(g: Gap) -> bool:
@@ -125,23 +107,18 @@ def _quiet(g: Gap) -> bool:
 
 
 def _odd(g: Gap, rules: Rules) -> bool:
-    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.misfit))
+    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.expected))
 
 
 def _note(axis: str, g: Gap) -> str:
     return (
-        f"{axis}: the residual is {g.after / g.misfit:.1f} times the twin's validation error, and no single cause "
+        f"{axis}: the residual is {g.after / g.expected:.1f} times the twin's expected error, and no single cause "
         "explains it. This motion may lie outside the data of the twin"
     )
 
 
 def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
-    """Return what is said of axes that are not judged, and of effects that these logs cannot show.
-
-    Args:
-        c: the comparison.
-        told: axes of which something is named all the same.
-    """
+    """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     silent = {**c.gate.silent, **c.gate.unknown}
     out = [
         f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items() if axis not in told
@@ -197,7 +174,7 @@ def _sentence(
 
 
 def _relative(g: Gap) -> float:
-    return g.rms / g.misfit if np.isfinite(g.misfit) and g.misfit > 0.0 else g.nrmse
+    return g.rms / g.expected if np.isfinite(g.misfit) and g.expected > 0.0 else g.nrmse
 
 
 def _largest(axis: str, g: Gap, follows: str | None) -> str:

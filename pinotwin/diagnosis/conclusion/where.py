@@ -79,13 +79,7 @@ def concentrated(
 
 
 def regimes(seen: Sequence[tuple[Motion, Ints]], joint: int, load: Floats | None = None) -> list[Cell]:
-    """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others.
-
-    Args:
-        seen: motions, and the rows of each that are looked at.
-        joint: whose motion.
-        load: size of its effort at these rows, one after the other.
-    """
+    """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others."""
     first = seen[0][0]
     x = "rad" if first.rotary[joint] else "m"
 
@@ -142,10 +136,6 @@ def telling(regions: Sequence[Region], axes: Sequence[str]) -> list[Region]:
     """Return the regions in the order in which they help a person.
 
     Those of the axes with a cause first, in turn; what says only that a gap changes slowly last.
-
-    Args:
-        regions: as they were found.
-        axes: axes with a named cause, the most important first.
     """
 
     def rank(r: Region) -> tuple[int, bool, bool, float]:

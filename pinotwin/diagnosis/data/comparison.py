@@ -38,35 +38,24 @@ from pinotwin.twin import Twin
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Everything that a search for causes looks at.
+    """Everything that a search for causes looks at."""
 
-    Attributes:
-        twin: the base.
-        change: whether a twin is compared with later logs; else a machine with its own.
-        logs: the logs in question. validation: logs that nothing is fitted to.
-        new: rows of the logs in question.
-        own: rows of the twin's own logs, with its cross-validated residual; None of a machine.
-        unseen: rows of the validation logs, or None.
-        floor: joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m].
-        gate: what the logs can be asked.
-        motions: of every log in question and then of every validation log, on the rows that are judged.
-        kept: place of every log in question among those that were given.
-        apart: runs of one command that are not those of one machine, one side of which was left out.
-        noise: joint -> RMS of the noise of what is left, which no cause closes [N or N·m]; empty if no repeats tell it.
-    """
-
-    twin: Twin
-    change: bool
-    logs: Sequence[Prepared]
-    validation: Sequence[Prepared]
-    new: Sample
-    own: Sample | None
-    unseen: Sample | None
+    twin: Twin  # the base
+    change: bool  # whether a twin is compared with later logs; else a machine with its own
+    logs: Sequence[Prepared]  # the logs in question
+    validation: Sequence[Prepared]  # logs that nothing is fitted to
+    new: Sample  # rows of the logs in question
+    own: Sample | None  # rows of the twin's own logs, with its cross-validated residual; None of a machine
+    unseen: Sample | None  # rows of the validation logs, or None
+    # joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m]
     floor: Mapping[int, float]
-    gate: Gate = field(default_factory=Gate)
+    gate: Gate = field(default_factory=Gate)  # what the logs can be asked
+    # of every log in question and then of every validation log, on the rows that are judged
     motions: Sequence[Motion] = ()
-    kept: tuple[int, ...] = ()
+    kept: tuple[int, ...] = ()  # place of every log in question among those that were given
+    # runs of one command that are not those of one machine, one side of which was left out
     apart: Apart | None = None
+    # joint -> RMS of the noise of what is left, which no cause closes [N or N·m]; empty if no repeats tell it
     noise: Mapping[int, float] = field(default_factory=dict)
 
     @property
@@ -188,12 +177,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
 
 
 def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
-    """Return a comparison without joints at places that the twin does not know, if others are left.
-
-    Args:
-        c: with every joint.
-        lost: axes that go nowhere else; beside them joints whose twin is unsure by more than their effort.
-    """
+    """Return a comparison without joints at places that the twin does not know, if others are left."""
     never = "it moves outside the twin's data; identify it on the whole travel"
     unsure = "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
     why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
@@ -253,18 +237,12 @@ def _without_leads(machine: Machine) -> Machine:
 
 @dataclass(frozen=True, eq=False)
 class _Ready:
-    """The twin to compare with, and the logs as it prepares them.
+    """The twin to compare with, and the logs as it prepares them."""
 
-    Attributes:
-        twin: the subject, or that of a machine in the logs in question.
-        logs: the logs in question. validation: logs that nothing is fitted to.
-        bending: how passive joints bend that no log holds; None where none do.
-    """
-
-    twin: Twin
-    logs: Sequence[Prepared]
-    validation: Sequence[Prepared]
-    bending: Bending | None = None
+    twin: Twin  # the subject, or that of a machine in the logs in question
+    logs: Sequence[Prepared]  # the logs in question
+    validation: Sequence[Prepared]  # logs that nothing is fitted to
+    bending: Bending | None = None  # how passive joints bend that no log holds; None where none do
 
     @classmethod
     def of(cls, subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> _Ready:
@@ -350,12 +328,6 @@ def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], largest: M
     """Return where a twin tells an effort well enough to judge it, shape (n, nv).
 
     Not much worse than where it is least sure in its own logs; where effects are told knot by knot, to the misfit.
-
-    Args:
-        twin: that was identified.
-        motion: of which rows are asked about.
-        floor: joint -> misfit [N or N·m].
-        largest: joint -> largest standard error on the twin's own rows, likewise.
     """
     out = np.ones(motion.q.shape, dtype=bool)
     error = twin.effort_error(motion) if floor else np.zeros(motion.q.shape)
@@ -430,12 +402,7 @@ def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[
 
 
 def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
-    """Return the comparison without the rows of some joints that lie in pushes.
-
-    Args:
-        c: as it was.
-        rows: joint -> which of its rows in the logs in question lie in a push.
-    """
+    """Return the comparison without the rows of some joints that lie in pushes."""
     return replace(c, new=_kept(c.new, {j: ~mask for j, mask in rows.items()}))
 
 

@@ -33,19 +33,13 @@ EVERY = tuple(EFFECTS)
 
 @dataclass(frozen=True)
 class Bar:
-    """What a finding of ``check`` rules out.
+    """What a finding of ``check`` rules out."""
 
-    Attributes:
-        effects: names that are not looked for. questions: that are not put.
-        axis: whether nothing at all is said of the axis.
-        channel: ending of the channel that the finding must be about; "" for any.
-        everywhere: whether it spoils the other axes too, whose inertia and gravity go with that position.
-    """
-
-    effects: tuple[str, ...] = ()
-    questions: tuple[Question, ...] = ()
-    axis: bool = False
-    channel: str = ""
+    effects: tuple[str, ...] = ()  # names that are not looked for
+    questions: tuple[Question, ...] = ()  # that are not put
+    axis: bool = False  # whether nothing at all is said of the axis
+    channel: str = ""  # ending of the channel that the finding must be about; "" for any
+    # whether it spoils the other axes too, whose inertia and gravity go with that position
     everywhere: bool = False
 
 
@@ -71,24 +65,18 @@ BARS: Mapping[str, Bar] = {
 
 @dataclass(frozen=True)
 class Gate:
-    """What logs can be asked.
+    """What logs can be asked."""
 
-    Attributes:
-        doubts: what ``check`` says of them, one sentence each.
-        effects: axis -> effect that is not looked for -> why.
-        questions: axis -> question that is not put -> why.
-        silent: axis of which nothing is said -> why.
-        turned: axes whose effort seems to have the other sign.
-        strays: axis whose position does not go with its command -> why.
-        unknown: axis that its twin cannot judge in these logs -> why, and what to do.
-    """
-
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  # what ``check`` says of them, one sentence each
+    # axis -> effect that is not looked for -> why
     effects: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    # axis -> question that is not put -> why
     questions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    silent: Mapping[str, str] = field(default_factory=dict)
-    turned: frozenset[str] = frozenset()
+    silent: Mapping[str, str] = field(default_factory=dict)  # axis of which nothing is said -> why
+    turned: frozenset[str] = frozenset()  # axes whose effort seems to have the other sign
+    # axis whose position does not go with its command -> why
     strays: Mapping[str, str] = field(default_factory=dict)
+    # axis that its twin cannot judge in these logs -> why, and what to do
     unknown: Mapping[str, str] = field(default_factory=dict)
 
     def admits(self, effect: str, axis: str | None) -> bool:
@@ -136,13 +124,7 @@ class Gate:
 
 
 def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()) -> Gate:
-    """Return what logs of a machine can be asked: what one of them cannot show, none is asked.
-
-    Args:
-        machine: whose logs.
-        logs: made ready.
-        sized: axes whose positions are known to be in the right unit, however far they go.
-    """
+    """Return what logs of a machine can be asked: what one of them cannot show, none is asked."""
     found = [(log, f) for log in logs for f in log.doubts if not _answered(machine, f, sized)]
     effects: dict[str, dict[str, str]] = {}
     questions: dict[str, dict[str, str]] = {}
@@ -232,10 +214,6 @@ def run_away(gate: Gate, own: Motion) -> Gate:
     """Return the gate of a change, with the servo judged of axes that kept to their command on the twin's own logs.
 
     The columns are then right, and an axis that no longer follows is what has changed.
-
-    Args:
-        gate: as ``check`` has it.
-        own: motion of the twin's own logs.
     """
     if own.qr is None:
         return gate

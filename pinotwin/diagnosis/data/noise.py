@@ -26,11 +26,6 @@ def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> 
 
     Noise that is locked to the position, as that of an encoder's steps, is the same in both runs: beside them what is
     rough counts in any case.
-
-    Args:
-        new: rows of the logs in question.
-        residual: what is left of all of them at the log's rate, shape (n, nv).
-        motions: the logs one by one, in the same order.
     """
     edges = np.cumsum([0, *(len(m) for m in motions)])
     parts = [residual[a:b] for a, b in pairwise(edges)]

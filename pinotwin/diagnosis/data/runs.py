@@ -24,19 +24,13 @@ from pinotwin.signals import rms
 
 @dataclass(frozen=True)
 class Apart:
-    """Runs of one command that are not those of one machine.
+    """Runs of one command that are not those of one machine."""
 
-    Attributes:
-        odd: number of each log that differs from the runs it should repeat.
-        alike: number of each log that these differ from.
-        axes: odd log -> axis -> RMS of the difference over what the model leaves.
-        sources: name of every log.
-    """
-
-    odd: tuple[int, ...]
-    alike: tuple[int, ...]
+    odd: tuple[int, ...]  # number of each log that differs from the runs it should repeat
+    alike: tuple[int, ...]  # number of each log that these differ from
+    # odd log -> axis -> RMS of the difference over what the model leaves
     axes: Mapping[int, Mapping[str, float]]
-    sources: tuple[str, ...]
+    sources: tuple[str, ...]  # name of every log
 
     def kept(self, count: int, *, change: bool) -> tuple[int, ...]:
         """Return the logs that are diagnosed, of so many."""
@@ -64,13 +58,7 @@ class Apart:
 
 
 def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Apart | None:
-    """Return which runs of one command differ from the others, None where they are repeats.
-
-    Args:
-        logs: the logs in question.
-        runs: the rows of each.
-        own: rows of the twin's own logs; None of a machine.
-    """
+    """Return which runs of one command differ from the others, None where they are repeats."""
     known = labels([r.motion for r in runs])
     odd: list[int] = []
     alike: list[int] = []

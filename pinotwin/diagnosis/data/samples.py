@@ -33,23 +33,15 @@ MOMENTARY = ("position", "velocity")
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """The rows of one or several logs.
+    """The rows of one or several logs."""
 
-    Attributes:
-        motion: prepared log(s), with the channels of the model's own effort.
-        rows: which rows, by joint.
-        residual: joint -> measured effort less the twin's, shape (m,).
-        effort: joint -> measured effort, shape (m,).
-        block: joint -> number of the stretch of time that each row belongs to, ascending, shape (m,).
-        blocks: how many there are.
-    """
-
-    motion: Motion
-    rows: Rows
-    residual: Mapping[int, Floats]
-    effort: Mapping[int, Floats]
+    motion: Motion  # prepared log(s), with the channels of the model's own effort
+    rows: Rows  # which rows, by joint
+    residual: Mapping[int, Floats]  # joint -> measured effort less the twin's, shape (m,)
+    effort: Mapping[int, Floats]  # joint -> measured effort, shape (m,)
+    # joint -> number of the stretch of time that each row belongs to, ascending, shape (m,)
     block: Mapping[int, Ints]
-    blocks: int
+    blocks: int  # how many there are
 
     @property
     def joints(self) -> tuple[int, ...]:

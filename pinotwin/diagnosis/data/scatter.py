@@ -8,30 +8,24 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.rules import Rules
 from pinotwin.signals import rms
 
 
-def scatter(c: Comparison, joint: int, most: float) -> float:
-    """Return the RMS by which friction differs from the twin's [N or N·m].
+def by_days(c: Comparison, joint: int, rules: Rules) -> float:
+    """Return the share of an axis' friction by which logs of one machine may differ [1]: at least the usual one."""
+    days = c.twin.quality.get("days", {}) if c.change else {}
+    return max([rules.scatter, *days.get(c.machine.names[joint], {}).values()])
 
-    Args:
-        c: the comparison.
-        joint: which.
-        most: share of the friction by which it may differ.
-    """
+
+def scatter(c: Comparison, joint: int, most: float) -> float:
+    """Return the RMS by which friction differs from the twin's [N or N·m]."""
     courses = _courses(c, joint, most, c.new.residual[joint])
     return float(np.sqrt(sum(x @ x for _, x in courses) / max(len(c.new.residual[joint]), 1)))
 
 
 def scattered(c: Comparison, joint: int, most: float, left: Floats | None = None) -> float:
-    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`.
-
-    Args:
-        c: the comparison.
-        joint: which.
-        most: share of the friction by which it may differ.
-        left: what it is to close [N or N·m]; the whole residual if not given, shape (m,).
-    """
+    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`."""
     courses = _courses(c, joint, most, c.new.residual[joint] if left is None else left)
     return float(sum(2.0 * r @ x - x @ x for r, x in courses)) / c.floor[joint] ** 2
 

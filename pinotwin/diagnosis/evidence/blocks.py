@@ -19,19 +19,12 @@ RIDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Blocked:
-    """A fit whose every block was also left out.
+    """A fit whose every block was also left out."""
 
-    Attributes:
-        theta: coefficients from all rows, shape (p,).
-        folds: the same without each block, shape (K, p).
-        rest: what is left of each row, predicted from the other blocks, shape (n,).
-        blocks: rows of each block.
-    """
-
-    theta: Floats
-    folds: Floats
-    rest: Floats
-    blocks: Sequence[slice]
+    theta: Floats  # coefficients from all rows, shape (p,)
+    folds: Floats  # the same without each block, shape (K, p)
+    rest: Floats  # what is left of each row, predicted from the other blocks, shape (n,)
+    blocks: Sequence[slice]  # rows of each block
 
     @cached_property
     def covariance(self) -> Floats:

@@ -22,19 +22,12 @@ UNKNOWN = 0.3
 
 @dataclass(frozen=True)
 class Body:
-    """A body that was added to a link, or taken off it.
+    """A body that was added to a link, or taken off it."""
 
-    Attributes:
-        mass: [kg]; negative where it was taken off.
-        mass_error: standard error.
-        centre: centre of mass in the frame of the joint [m], shape (3,); NaN where not determined.
-        centre_error: standard errors, shape (3,).
-    """
-
-    mass: float
-    mass_error: float
-    centre: Floats
-    centre_error: Floats
+    mass: float  # [kg]; negative where it was taken off
+    mass_error: float  # standard error
+    centre: Floats  # centre of mass in the frame of the joint [m], shape (3,); NaN where not determined
+    centre_error: Floats  # standard errors, shape (3,)
 
 
 def body_of(pi: Floats, covariance: Floats) -> Body:
@@ -60,12 +53,6 @@ def possible(pi: Floats, covariance: Floats, model: pin.Model, *, removal: bool)
 
     A mass is positive unless something was taken off, which is no heavier than the machine; no centre of
     mass lies farther off than the machine is long.
-
-    Args:
-        pi: ten parameters.
-        covariance: of them.
-        model: the machine's tree.
-        removal: whether a body may have been taken off.
     """
     centre, spread = _centre(pi, covariance)
     if not np.isfinite(spread).all():

@@ -34,21 +34,13 @@ COLLINEAR = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The model on all samples: new logs, the twin's own ones for a change, validation logs.
+    """The model on all samples: new logs, the twin's own ones for a change, validation logs."""
 
-    Attributes:
-        new: the logs in question.
-        own: the twin's own logs; None where the model is fitted to ``new``.
-        unseen: validation logs, or None.
-        precision: what holds the model's own columns, shape (b,).
-        bound: columns that ``precision`` keeps at a lower bound, a mask (b,).
-    """
-
-    new: Base
-    own: Base | None
-    unseen: Base | None
-    precision: Floats
-    bound: Mask
+    new: Base  # the logs in question
+    own: Base | None  # the twin's own logs; None where the model is fitted to ``new``
+    unseen: Base | None  # validation logs, or None
+    precision: Floats  # what holds the model's own columns, shape (b,)
+    bound: Mask  # columns that ``precision`` keeps at a lower bound, a mask (b,)
 
     @cached_property
     def folds(self) -> Floats:
@@ -85,27 +77,16 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What is left with a candidate, on rows that were not fitted.
+    """What is left with a candidate, on rows that were not fitted."""
 
-    Attributes:
-        theta: change of the coefficients from all blocks, shape (p,).
-        folds: the same without each block, shape (K, p).
-        own: spread of the own logs' estimate by leaving out blocks, shape (p, p).
-        left: squared residual of every block, all joints, shape (K,).
-        unseen: the same on the validation logs, shape (L,); empty without.
-        determined: whether the model's own columns leave the candidate anything.
-        base: change of the model's own coefficients, shape (b,).
-        base_folds: the same without each block, shape (K, b).
-    """
-
-    theta: Floats
-    folds: Floats
-    own: Floats
-    left: Floats
-    unseen: Floats
-    determined: bool
-    base: Floats
-    base_folds: Floats
+    theta: Floats  # change of the coefficients from all blocks, shape (p,)
+    folds: Floats  # the same without each block, shape (K, p)
+    own: Floats  # spread of the own logs' estimate by leaving out blocks, shape (p, p)
+    left: Floats  # squared residual of every block, all joints, shape (K,)
+    unseen: Floats  # the same on the validation logs, shape (L,); empty without
+    determined: bool  # whether the model's own columns leave the candidate anything
+    base: Floats  # change of the model's own coefficients, shape (b,)
+    base_folds: Floats  # the same without each block, shape (K, b)
 
     @cached_property
     def covariance(self) -> Floats:

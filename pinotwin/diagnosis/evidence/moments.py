@@ -22,42 +22,25 @@ from pinotwin.diagnosis.data.samples import Sample
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The model as it stands on one sample.
+    """The model as it stands on one sample."""
 
-    Attributes:
-        sample: the rows.
-        columns: joint -> weighted columns of the model, shape (m, b).
-        residual: joint -> weighted residual, shape (m,).
-        floor: joint -> by what rows are divided [N or N·m].
-        XX: shape (blocks, joints, b, b).
-        Xr: shape (blocks, joints, b).
-        rr: shape (blocks, joints).
-    """
-
-    sample: Sample
-    columns: Mapping[int, Floats]
-    residual: Mapping[int, Floats]
-    floor: Mapping[int, float]
-    XX: Floats
-    Xr: Floats
-    rr: Floats
+    sample: Sample  # the rows
+    columns: Mapping[int, Floats]  # joint -> weighted columns of the model, shape (m, b)
+    residual: Mapping[int, Floats]  # joint -> weighted residual, shape (m,)
+    floor: Mapping[int, float]  # joint -> by what rows are divided [N or N·m]
+    XX: Floats  # shape (blocks, joints, b, b)
+    Xr: Floats  # shape (blocks, joints, b)
+    rr: Floats  # shape (blocks, joints)
 
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Sums of one candidate's columns on one sample; blocks first, summed over its joints.
+    """Sums of one candidate's columns on one sample; blocks first, summed over its joints."""
 
-    Attributes:
-        CC: shape (blocks, p, p).
-        CX: shape (blocks, p, b).
-        Cr: shape (blocks, p).
-        rr: residual's own square at the joints the candidate acts on, shape (blocks,).
-    """
-
-    CC: Floats
-    CX: Floats
-    Cr: Floats
-    rr: Floats
+    CC: Floats  # shape (blocks, p, p)
+    CX: Floats  # shape (blocks, p, b)
+    Cr: Floats  # shape (blocks, p)
+    rr: Floats  # residual's own square at the joints the candidate acts on, shape (blocks,)
 
 
 def base_of(sample: Sample, columns: Mapping[int, Floats], floor: Mapping[int, float], width: int) -> Base:

@@ -36,27 +36,15 @@ SLOW = (0.05, 0.2, 0.5)
 
 @dataclass(frozen=True, eq=False)
 class Habit:
-    """What is left of one joint with the habit taken off.
+    """What is left of one joint with the habit taken off."""
 
-    Attributes:
-        new: on the logs in question, shape (m,). own: on the own logs, cross-validated, shape (k,).
-        left: RMS of ``own`` over what it was.
-    """
-
-    new: Floats
-    own: Floats
-    left: float
+    new: Floats  # on the logs in question, shape (m,)
+    own: Floats  # on the own logs, cross-validated, shape (k,)
+    left: float  # RMS of ``own`` over what it was
 
 
 def habit(new: Sample, own: Sample, joint: int, rules: Rules = RULES) -> Habit | None:
-    """Return what is left of a joint without the habit of its twin; None where it has none.
-
-    Args:
-        new: rows of the logs in question.
-        own: of the twin's own logs, with its cross-validated residual.
-        joint: which.
-        rules: thresholds.
-    """
+    """Return what is left of a joint without the habit of its twin; None where it has none."""
     r = own.residual[joint]
     if joint not in new.joints or len(r) < FOLDS * KNOTS:
         return None

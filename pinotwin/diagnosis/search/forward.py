@@ -18,7 +18,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.scatter import scattered
+from pinotwin.diagnosis.data.scatter import by_days, scattered
 from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.held_out import Judged
@@ -34,30 +34,17 @@ from pinotwin.effects.family import FRICTION, TRANSMISSION
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One turn of the search.
+    """One turn of the search."""
 
-    Attributes:
-        chosen: what was taken in.
-        rivals: the other best candidates of that turn, one a name and axis, best first.
-        searcher: the ground on which the turn was made.
-        duel: trials against a relative with more numbers, if one closed more.
-        instead: causes of one axis each, for which it stands.
-    """
-
-    chosen: Scored
-    rivals: Sequence[Scored]
-    searcher: Searcher = field(repr=False)
+    chosen: Scored  # what was taken in
+    rivals: Sequence[Scored]  # the other best candidates of that turn, one a name and axis, best first
+    searcher: Searcher = field(repr=False)  # the ground on which the turn was made
+    # trials against a relative with more numbers, if one closed more
     duel: Duel | None = field(default=None, repr=False)
-    instead: Sequence[Scored] = ()
+    instead: Sequence[Scored] = ()  # causes of one axis each, for which it stands
 
     def again(self, simplest: Scored, fit: Sequence[Scored], scored: Sequence[Scored]) -> Scored:
-        """Return what is chosen on other logs: the same questions, put again.
-
-        Args:
-            simplest: the simplest candidate there.
-            fit: those that are not refused there.
-            scored: all of them.
-        """
+        """Return what is chosen on other logs: the same questions, put again."""
         if self.duel is not None:
             return self.duel.again(simplest, fit)
         keys = {one.key for one in self.instead}
@@ -94,15 +81,7 @@ def search(
     most: int | None = None,
     tell: Callable[[str, float], None] | None = None,
 ) -> Found:
-    """Return the causes that the data support.
-
-    Args:
-        comparison: what is compared.
-        candidates: effects, and patterns without a name.
-        rules: thresholds.
-        most: most causes to take in.
-        tell: called with the stage and the share done.
-    """
+    """Return the causes that the data support."""
     first = searcher = Searcher(comparison)
     shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
@@ -122,7 +101,7 @@ def search(
         last = answers[0] if answers else None
         if not fit:
             break
-        scatters = [r for r, why in answers if why == _by_scatter(rules)]
+        scatters = [r for r, why in answers if why.endswith(_BY_SCATTER)]
         friction = _usual_before(fit, scatters, {one.joint for one in usual})
         if friction is not None:
             usual.append(friction)
@@ -237,6 +216,7 @@ TURNING = ("presliding", "hysteresis")
 """What friction keeps in mind as it turns round."""
 
 _UNCERTAIN = "squared standard errors a number"
+_BY_SCATTER = "of the friction, by which runs of one machine may differ"
 _NOTHING_CERTAIN = "explains nothing for certain on held-out rows"
 
 
@@ -480,13 +460,7 @@ def _dissipates(one: Scored, comparison: Comparison) -> bool:
 
 
 def known(effect: Effect, comparison: Comparison, beside: Judged | None = None) -> Floats:
-    """Return the coefficients that the base has of an effect of the same kind; zeros where it has none.
-
-    Args:
-        effect: a candidate.
-        comparison: of a twin; of a machine, whose coefficients are free, only an effect that a candidate rides on.
-        beside: the fit of a machine's own coefficients beside a candidate that rides on one of them.
-    """
+    """Return the coefficients that the base has of an effect of the same kind; zeros where it has none."""
     if isinstance(effect, Joined):
         return np.concatenate([known(part, comparison, beside) for part in effect.parts])
     twin = comparison.twin
@@ -526,10 +500,10 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if (
         c.change
         and rubs
-        and closed < rules.scatter * c.friction[one.joint]
+        and closed < (most := by_days(c, one.joint, rules)) * c.friction[one.joint]
         and _scatters(one, searcher, rules)
     ):
-        return _by_scatter(rules)
+        return f"is no more than {most:.0%} {_BY_SCATTER}"
     return ""
 
 
@@ -562,10 +536,6 @@ def _beyond_noise(one: Scored, searcher: Searcher, rules: Rules) -> float:
     return one.gain / max(searcher.power_beyond_noise(one.table[0], rules.noise_part), 1e-300)
 
 
-def _by_scatter(rules: Rules) -> str:
-    return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
-
-
 def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     """Whether friction that is the twin's own, only a little more or less of it, closes as much as a candidate.
 
@@ -574,7 +544,7 @@ def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     c, j = searcher.comparison, one.joint
     closed = float(searcher.main_gains(one)[0].sum())
     left = searcher.residual()[j] * c.floor[j]
-    return scattered(c, j, rules.scatter, left) > rules.scatter_part * closed
+    return scattered(c, j, by_days(c, j, rules), left) > rules.scatter_part * closed
 
 
 def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:

@@ -27,22 +27,15 @@ from pinotwin.effects.family import FRICTION
 
 @dataclass(frozen=True, eq=False)
 class Duel:
-    """Two relatives, and the ratios of their gains where either is the truth.
+    """Two relatives, and the ratios of their gains where either is the truth."""
 
-    Attributes:
-        simpler: closes a little less with fewer numbers. richer: the other.
-        under_simpler: logarithm of the richer one's gain over the simpler one's in trials with the simpler put in.
-        under_richer: the same with the richer put in.
-        rules: thresholds.
-        finest: trials that agree better than this tell no more [of the logarithm].
-    """
-
-    simpler: Scored
-    richer: Scored
+    simpler: Scored  # closes a little less with fewer numbers
+    richer: Scored  # the other
+    # logarithm of the richer one's gain over the simpler one's in trials with the simpler put in
     under_simpler: Floats
-    under_richer: Floats
-    rules: Rules
-    finest: float
+    under_richer: Floats  # the same with the richer put in
+    rules: Rules  # thresholds
+    finest: float  # trials that agree better than this tell no more [of the logarithm]
 
     def won_by(self, simpler: Scored, richer: Scored) -> Scored:
         """Return which of the two, as scored on some logs, would have left what is seen there."""
@@ -60,25 +53,12 @@ class Duel:
 
 
 def richer(winner: Scored, fit: Sequence[Scored]) -> Scored | None:
-    """Return the relative of the winner that closes most; None if there is none that closes more.
-
-    Args:
-        winner: the simplest of those that close as much as the best.
-        fit: candidates that were not refused.
-    """
+    """Return the relative of the winner that closes most; None if there is none that closes more."""
     return max((one for one in fit if _relative(one, winner)), key=lambda one: one.gain, default=None)
 
 
 def duel(winner: Scored, rival: Scored, comparison: Comparison, rules: Rules, finest: float) -> Duel:
-    """Return the trials of the winner against a relative with more numbers.
-
-    Args:
-        winner: the simplest of those that close as much as the best.
-        rival: the relative.
-        comparison: what is compared, with own logs: a machine has no residual of its own to try on.
-        rules: thresholds.
-        finest: see :class:`Duel`.
-    """
+    """Return the trials of the winner against a relative with more numbers."""
     rng = np.random.default_rng(0)
     under = [_ratios(comparison, put, winner, rival, rng) for put in (winner, rival)]
     return Duel(winner, rival, under[0], under[1], rules, finest)

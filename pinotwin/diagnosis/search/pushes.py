@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.scatter import scattered
+from pinotwin.diagnosis.data.scatter import by_days, scattered
 from pinotwin.diagnosis.evidence.repeatable import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
@@ -29,13 +29,7 @@ RIVALS = 3
 
 
 def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
-    """Return the pushes that close more than any cause on the same axis does.
-
-    Args:
-        c: of a twin.
-        found: the search for causes that come with the motion.
-        rules: thresholds.
-    """
+    """Return the pushes that close more than any cause on the same axis does."""
     out = []
     for at, j in enumerate(c.new.joints):
         if not c.gate.admits("external_force", c.machine.names[j]):
@@ -46,7 +40,8 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         _, pushed = seen
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
-        if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
+        days = scattered(c, j, by_days(c, j, rules))
+        if pushed.gain > rules.push_better * max(before - rest, rival, days):
             out.append(pushed)
     return out
 
@@ -55,12 +50,6 @@ def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) 
     """Return a search with the causes that are sure: the others account for nothing, and are rivals of a push.
 
     Pushes that lie where the motion happens to ask for it look like a cause with a memory, which trials do not confirm.
-
-    Args:
-        c: what was compared.
-        found: the search.
-        sure: the confidence of every cause.
-        rules: thresholds.
     """
     kept = [s for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
     doubted = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x < rules.named]
@@ -162,7 +151,7 @@ def _confidence(
         if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
             continue
         wins += again.gain > rules.push_better * max(
-            _closed(trial, rivals), scattered(trial, j, rules.scatter)
+            _closed(trial, rivals), scattered(trial, j, by_days(trial, j, rules))
         )
     return posterior(wins, TRIALS, rules)
 
@@ -174,13 +163,7 @@ def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
 
 
 def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes]) -> dict[int, Floats]:
-    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,).
-
-    Args:
-        c: with the rows that the pushes were found on.
-        causes: that come with the motion.
-        pushed: pushes from outside.
-    """
+    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,)."""
     motion = c.new.motion
     out: dict[int, Floats] = {}
     for one in causes:

@@ -16,13 +16,7 @@ from pinotwin.diagnosis.search.scan import Scored, Searcher
 
 
 def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:
-    """Whether a cause stands for an effect that the machine lists: beside it that one is needless at its own shape.
-
-    Args:
-        one: the cause.
-        searcher: with it and all others that were found.
-        rules: thresholds.
-    """
+    """Whether a cause stands for an effect that the machine lists: beside it that one is needless at its own shape."""
     c, effect = searcher.comparison, named(one.effect)
     axis = c.machine.axes.get(effect.axis or "")
     if c.change or axis is None:

@@ -29,25 +29,15 @@ RUGGED = 3
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """One candidate with what it is worth.
+    """One candidate with what it is worth."""
 
-    Attributes:
-        effect: at its shapes.
-        table: its columns on every sample.
-        judged: coefficients and what is left.
-        gain: squared residual closed on rows not fitted, in units of the floor.
-        share: the same over the squared residual of the joints it acts on.
-        joint: the joint whose effort it moves most, against its floor.
-        order: place of its axis in the tree.
-    """
-
-    effect: Effect
-    table: Table = field(repr=False)
-    judged: Judged = field(repr=False)
-    gain: float
-    share: float
-    joint: int
-    order: int = 0
+    effect: Effect  # at its shapes
+    table: Table = field(repr=False)  # its columns on every sample
+    judged: Judged = field(repr=False)  # coefficients and what is left
+    gain: float  # squared residual closed on rows not fitted, in units of the floor
+    share: float  # the same over the squared residual of the joints it acts on
+    joint: int  # the joint whose effort it moves most, against its floor
+    order: int = 0  # place of its axis in the tree
 
     @property
     def key(self) -> tuple[str, str | None]:

@@ -50,29 +50,17 @@ FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 
 @dataclass(frozen=True, eq=False)
 class _Twist:
-    """The twist of one axis on some rows, with the columns that it is made of.
+    """The twist of one axis on some rows, with the columns that it is made of."""
 
-    Attributes:
-        d: twist, shape (n,).
-        parts: name -> columns, each of shape (n, p).
-        blocks: stretches.
-        rows: rows of the motion.
-        knots: places of the table [m or rad].
-        noise: of one row.
-        step: sampling interval [s].
-        low: lowest position of the load [m or rad].
-        travel: of the load [m or rad].
-    """
-
-    d: Floats
-    parts: Mapping[str, Floats]
-    blocks: Sequence[slice]
-    rows: Ints
-    knots: Floats
-    noise: float
-    step: float
-    low: float
-    travel: float
+    d: Floats  # twist, shape (n,)
+    parts: Mapping[str, Floats]  # name -> columns, each of shape (n, p)
+    blocks: Sequence[slice]  # stretches
+    rows: Ints  # rows of the motion
+    knots: Floats  # places of the table [m or rad]
+    noise: float  # of one row
+    step: float  # sampling interval [s]
+    low: float  # lowest position of the load [m or rad]
+    travel: float  # of the load [m or rad]
 
     @property
     def every(self) -> tuple[str, ...]:
@@ -231,25 +219,15 @@ def _rows(motion: Motion, joint: int) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the second encoder of one axis says.
+    """What the second encoder of one axis says."""
 
-    Attributes:
-        axis: whose.
-        gap: of its signal.
-        effects: causes that it measures.
-        where: regions in which the gap lies.
-        spring: whether the drive train was seen to give.
-        lost: whether there is lost motion.
-        notes: what else is worth a line.
-    """
-
-    axis: str
-    gap: Gap
-    effects: Sequence[Found]
-    where: Sequence[Region]
-    spring: bool
-    lost: bool
-    notes: Sequence[str]
+    axis: str  # whose
+    gap: Gap  # of its signal
+    effects: Sequence[Found]  # causes that it measures
+    where: Sequence[Region]  # regions in which the gap lies
+    spring: bool  # whether the drive train was seen to give
+    lost: bool  # whether there is lost motion
+    notes: Sequence[str]  # what else is worth a line
 
 
 def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
@@ -257,10 +235,6 @@ def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
 
     Of a machine, what lies between motor and load at all; of a twin whose own logs held them too, what has
     changed there since.
-
-    Args:
-        c: the comparison.
-        rng: of the shifts that a region is tested with.
     """
     out = {}
     for name, axis in c.machine.axes.items():
@@ -432,24 +406,15 @@ def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Se
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What the twist of one axis is said to be, in the machine's own numbers.
+    """What the twist of one axis is said to be, in the machine's own numbers."""
 
-    Attributes:
-        axis: whose.
-        rotary: whether it turns.
-        new: its twist. known: what the twin's own logs say of it.
-        fit: what it is made of now.
-        names: parts of the fit: those found so far; of a change all, as in the own logs.
-        placed: whether there is an error along the stroke.
-    """
-
-    axis: str
-    rotary: bool
-    new: _Twist
-    known: Blocked | None
-    fit: Blocked
-    names: Sequence[str]
-    placed: bool
+    axis: str  # whose
+    rotary: bool  # whether it turns
+    new: _Twist  # its twist
+    known: Blocked | None  # what the twin's own logs say of it
+    fit: Blocked  # what it is made of now
+    names: Sequence[str]  # parts of the fit: those found so far; of a change all, as in the own logs
+    placed: bool  # whether there is an error along the stroke
 
     def named(self, part: str, shrink: Shrink, inertia: float, sure: float) -> Found:
         fit, known = self.fit, self.known

@@ -28,19 +28,12 @@ AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
 
 @dataclass(frozen=True)
 class Limit:
-    """The limit of one drive, reached.
+    """The limit of one drive, reached."""
 
-    Attributes:
-        level: largest effort [N or N·m].
-        share: of the samples that are at it.
-        worst: tracking error there over that elsewhere.
-        samples: per log, samples at the limit or just after it, each of shape (n,).
-    """
-
-    level: float
-    share: float
-    worst: float
-    samples: tuple[Mask, ...]
+    level: float  # largest effort [N or N·m]
+    share: float  # of the samples that are at it
+    worst: float  # tracking error there over that elsewhere
+    samples: tuple[Mask, ...]  # per log, samples at the limit or just after it, each of shape (n,)
 
 
 def reached(
@@ -155,10 +148,6 @@ def lowest(efforts: Sequence[Floats], noise: float) -> float:
 
     A drive at its limit does not rest at its very largest reading: noise and the current loop overshoot
     it. The level is the size that is met most often among the largest fifth.
-
-    Args:
-        efforts: of one axis, one per log, each of shape (n,) [N or N·m].
-        noise: standard deviation of their noise.
     """
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))
     top = float(size.max(initial=0.0))

@@ -47,19 +47,13 @@ HOPELESS = 0.3
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A factor on some gains with what it closes of one axis' tracking error.
+    """A factor on some gains with what it closes of one axis' tracking error."""
 
-    Attributes:
-        effect: ``feedforward`` or ``loop_gain``.
-        factor: what the gains are, of what they were. error: its standard error.
-        before: squared error of every block. after: the same with the factor fitted to the other blocks.
-    """
-
-    effect: str
-    factor: float
-    error: float
-    before: Floats
-    after: Floats
+    effect: str  # ``feedforward`` or ``loop_gain``
+    factor: float  # what the gains are, of what they were
+    error: float  # its standard error
+    before: Floats  # squared error of every block
+    after: Floats  # the same with the factor fitted to the other blocks
 
     @property
     def share(self) -> float:
@@ -70,14 +64,7 @@ class _Fit:
 def retuned(
     c: Comparison, axes: Collection[str], leave_out: Collection[str] = (), rules: Rules = RULES
 ) -> list[ServoChange]:
-    """Return the gains by whose change the tracking error of some axes is met.
-
-    Args:
-        c: of a twin with closed loops.
-        axes: whose effort is the twin's and whose tracking error is not.
-        leave_out: effects that are not named.
-        rules: thresholds.
-    """
+    """Return the gains by whose change the tracking error of some axes is met."""
     if preferred(c.twin) != "coupled":
         return []
     runs = [(one.log, one.motion) for one in c.logs] if axes else []

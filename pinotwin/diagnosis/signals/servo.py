@@ -145,14 +145,7 @@ class _Decided:
 
 
 def _decided(new: Law, gains: Floats, held: float, rules: Rules) -> _Decided | None:
-    """Return how a law on new logs differs from that on the twin's own; None where it holds or the plant changed.
-
-    Args:
-        new: the law's columns on the new logs.
-        gains: of the own logs.
-        held: RMS that they leave there.
-        rules: thresholds.
-    """
+    """Return how a law on new logs differs from that on the twin's own; None where it holds or the plant changed."""
     plain = new.left(gains)
     level = rms(plain)
     if level < rules.law_level * new.size:
@@ -187,11 +180,6 @@ def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> d
 
     An integrator that a limit inside the controller stops leaves no plateau in the effort, but many times the effort
     itself of the law.
-
-    Args:
-        c: what was compared.
-        told: axes of which something is named already, or whose logged effort is in doubt.
-        rules: thresholds.
     """
     out = {}
     for axis in c.machine.axes.values():
@@ -270,13 +258,6 @@ def turned(
 
     Where the interval holds 1 nothing may have changed, less than ``law_turned`` is not worth a word, and no loop
     stands with its feedback the other way round.
-
-    Args:
-        effect: ``loop_gain`` or ``feedforward``.
-        factor: what the gains are, of what they were.
-        error: its standard error on the new logs.
-        known: standard error with which the gains are known from the twin's own logs, as a share of themselves.
-        rules: thresholds.
     """
     half = 1.645 * float(np.hypot(error, known))
     possible = effect == "feedforward" or factor > 0.0

@@ -38,24 +38,14 @@ LONGEST = 120_000
 
 @dataclass(frozen=True)
 class Tracked:
-    """What is said of the tracking error.
+    """What is said of the tracking error."""
 
-    Attributes:
-        gaps: axis -> gap. shrinks: axis -> how far the causes shrink it.
-    """
-
-    gaps: Mapping[str, Gap] = field(default_factory=dict)
-    shrinks: Mapping[str, Shrink] = field(default_factory=dict)
+    gaps: Mapping[str, Gap] = field(default_factory=dict)  # axis -> gap
+    shrinks: Mapping[str, Shrink] = field(default_factory=dict)  # axis -> how far the causes shrink it
 
 
 def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()) -> Tracked:
-    """Return the gap of the tracking error of every axis, and how far the causes shrink it.
-
-    Args:
-        c: of a twin with closed loops and logs with commands.
-        causes: what was named.
-        changed: changes of controllers that were named.
-    """
+    """Return the gap of the tracking error of every axis, and how far the causes shrink it."""
     if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return Tracked()
     if not any(c.gate.asks("tracking", name) for name in c.machine.axes):
@@ -102,13 +92,7 @@ def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
 
 
 def simulated_errors(twin: Twin, log: Log, motion: Motion) -> dict[int, tuple[Floats, Floats]]:
-    """Return joint -> measured tracking error and the one simulated from the command, on rows that move, (m,) each.
-
-    Args:
-        twin: with closed loops.
-        log: whose command is simulated.
-        motion: of that log.
-    """
+    """Return joint -> measured tracking error and the one simulated from the command, on rows that move, (m,) each."""
     said, out = twin.simulate(log), {}
     for name, axis in twin.machine.axes.items():
         rows = motion.moving(axis.index)

@@ -37,23 +37,14 @@ LEFT = "a vibration that no stiffness or damping of the joint brings about ({:.0
 
 @dataclass(frozen=True)
 class Vibrations:
-    """What a diagnosis says of passive joints.
+    """What a diagnosis says of passive joints."""
 
-    Attributes:
-        gaps: joint -> gap of its velocity [m/s or rad/s].
-        effects: springs that have changed.
-        where: regions in which the gaps lie.
-        shrinks: joint -> how far its gap shrinks with the spring that was found.
-        stays: column of a joint with a gap -> share of its power that stays.
-        open: column of a joint -> what stays of its gap, in words.
-    """
-
-    gaps: dict[str, Gap]
-    effects: list[Found]
-    where: list[Region]
-    shrinks: dict[str, Shrink]
-    stays: dict[int, float]
-    open: dict[int, str]
+    gaps: dict[str, Gap]  # joint -> gap of its velocity [m/s or rad/s]
+    effects: list[Found]  # springs that have changed
+    where: list[Region]  # regions in which the gaps lie
+    shrinks: dict[str, Shrink]  # joint -> how far its gap shrinks with the spring that was found
+    stays: dict[int, float]  # column of a joint with a gap -> share of its power that stays
+    open: dict[int, str]  # column of a joint -> what stays of its gap, in words
 
 
 def look_at_vibration(
@@ -63,15 +54,7 @@ def look_at_vibration(
     commands: Sequence[int],
     rng: np.random.Generator,
 ) -> Vibrations:
-    """Return the gap of every passive joint whose velocity the logs hold, and why it is there.
-
-    Args:
-        subject: a twin with springs; of anything else nothing is said.
-        logs: servo logs, with ``<joint>.v`` where it was measured.
-        validation: which of them nothing is fitted to.
-        commands: a label per log, the same for repeats.
-        rng: of resampling.
-    """
+    """Return the gap of every passive joint whose velocity the logs hold, and why it is there."""
     out = Vibrations({}, [], [], {}, {}, {})
     if not isinstance(subject, Twin) or not springs(subject):
         return out
@@ -102,20 +85,13 @@ def unused(subject: Machine | Twin, logs: Sequence[Prepared]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Run:
-    """One joint in one log; rows within the band.
+    """One joint in one log; rows within the band."""
 
-    Attributes:
-        log: number of the log. command: label of its command.
-        load: what drives the joint.
-        measured: velocity, shape (m,).
-        rows: rows of the motion that they belong to, shape (m,).
-    """
-
-    log: int
-    command: int
-    load: Load
-    measured: Floats
-    rows: Ints
+    log: int  # number of the log
+    command: int  # label of its command
+    load: Load  # what drives the joint
+    measured: Floats  # velocity, shape (m,)
+    rows: Ints  # rows of the motion that they belong to, shape (m,)
 
     @classmethod
     def of(cls, twin: Twin, motion: Motion, joint: int, command: int, log: int) -> _Run:
@@ -161,11 +137,7 @@ class _Split:
         return self.runs[0].load.motion.step
 
     def noise(self, spring: PassiveSpring) -> float:
-        """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks.
-
-        Args:
-            spring: as it was refitted.
-        """
+        """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks."""
         for a, b in combinations(self.runs, 2):
             if a.command == b.command:
                 n = min(len(a.measured), len(b.measured))

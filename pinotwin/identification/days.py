@@ -1,0 +1,65 @@
+r"""By what friction differs from log to log: for each part of it a factor a log, normal about one.
+
+    r_k = U_k d_k + e_k,   d_k ~ N(0, diag(s^2))
+
+``U_k`` are the courses of the friction effects of an axis in log k, ``r_k`` what the model leaves there. The widths s
+are found by expectation and maximisation (Dempster, Laird & Rubin 1977), drawn to what real machines show from day to
+day as if two more logs had shown it: a model of one log has that alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects.family import FRICTION
+from pinotwin.twin import OpenLoop
+from pinotwin.twin.moments import Moments
+
+
+def friction_scatter(
+    plant: OpenLoop,
+    moments: Moments,
+    sigma: Floats,
+    prior: float = 0.05,
+    prior_logs: float = 2.0,
+) -> dict[str, dict[str, float]]:
+    """Return axis -> friction effect -> standard deviation from log to log over its size [1].
+
+    ``sigma`` is the noise of the rows of each joint that has any [N or N·m].
+    """
+    out: dict[str, dict[str, float]] = {}
+    correlated = moments.correlated(plant.theta, sigma)
+    step = np.append(plant.theta, -1.0)
+    for joint in moments.joints:
+        axis = plant.machine.names[joint]
+        parts = zip(plant.keys, plant.effects, plant.slices, strict=True)
+        own = {k: s for k, e, s in parts if e.family is FRICTION and e.axis == axis}
+        if not own:
+            continue
+        factors = [log.factors[joint] for log in moments.logs]
+        left = [-F @ step for F in factors]
+        power = sum(x @ x for x in left) / max(sum(log.rows[joint] for log in moments.logs), 1)
+        courses = [np.stack([F[:, s] @ plant.theta[s] for s in own.values()], axis=1) for F in factors]
+        level = np.sqrt(max(correlated * power, 1e-300))
+        scaled = [(U / level, r / level) for U, r in zip(courses, left, strict=True)]
+        found = widths(scaled, prior, prior_logs)
+        out[axis] = {key.split(".", 1)[1]: float(x) for key, x in zip(own, found, strict=True)}
+    return out
+
+
+def widths(logs: Sequence[tuple[Floats, Floats]], prior: float, count: float) -> Floats:
+    """Return the width of every part, (parts,), from its courses (k, parts) and what is left (k,) in each log [1]."""
+    s2 = np.full(logs[0][0].shape[1], prior**2)
+    if len(logs) < 2:
+        return np.sqrt(s2)
+    few = len(logs) / (len(logs) - 1)  # the model has seen these logs
+    for _ in range(200):
+        seen = np.zeros(len(s2))
+        for U, r in logs:
+            C = np.linalg.inv(U.T @ U + np.diag(1.0 / s2))
+            seen += few * (C @ (U.T @ r)) ** 2 + np.diag(C)
+        s2 = (count * prior**2 + seen) / (count + len(logs))
+    return np.sqrt(s2)
