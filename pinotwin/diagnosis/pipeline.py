@@ -151,7 +151,8 @@ def _closed_loops(
     """Return what has changed in the controllers; from the tracking error alone only where nothing else is found."""
     c, found = s.rest, s.found
     put_in = courses(s.compared, [step.chosen for step in found.steps], s.pushed)
-    turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in)
+    mismeasured = {str(e.axis) for e in named if e.effect in ("effort_scale", "delay", "encoder_error")}
+    turned = servo_changes(c, mismeasured, leave_out, rules, put_in)
     gone = broken_laws(c, {str(x.axis) for part in (named, turned) for x in part}, rules)
     if quick:
         return _Loops(turned, gone)
@@ -264,10 +265,6 @@ def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
     """Return what a search tries on these logs: effects that they can show, and patterns without a name."""
     every = (*candidates(c, leave_out), *patterns(c))
     return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
-
-
-def _mismeasured(effects: Sequence[Found]) -> set[str]:
-    return {str(e.axis) for e in effects if e.effect in ("effort_scale", "delay", "encoder_error")}
 
 
 def _concluded(  # noqa: PLR0913, what one call has found out

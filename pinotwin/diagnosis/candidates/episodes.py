@@ -115,7 +115,7 @@ def episodes(
     """
     r, t, segment = residual[joint], *_time(sample, joint)
     if own is not None and own_sample is not None and joint in own:
-        usual = _largest(own[joint], *_time(own_sample, joint))
+        usual = max(_best(own[joint], *_time(own_sample, joint))[0], 1e-300)
     else:
         usual = _typical(r, t, segment)
     left = r.copy()
@@ -194,10 +194,6 @@ def _edges(r: Floats, segment: Ints, a: int, b: int) -> tuple[int, int]:
 
 def _gain(total: Floats, low: int, a: int, b: int) -> float:
     return float((total[b - low] - total[a - low]) ** 2 / (b - a))
-
-
-def _largest(r: Floats, t: Floats, segment: Ints) -> float:
-    return max(_best(r, t, segment)[0], 1e-300)
 
 
 def _typical(r: Floats, t: Floats, segment: Ints) -> float:

@@ -23,7 +23,7 @@ def told(sizes: Sequence[Size]) -> list[Size]:
     The interval of an amplitude is that of its parts, propagated to first order.
     """
     sizes = [_factor(s) if s.name == "effort_scale.share" else s for s in sizes]
-    waves = [s for s in sizes if _wave(s.name)]
+    waves = [s for s in sizes if re.fullmatch(r".*\.[ab](\d*|_mod)", s.name)]
     if waves and len(waves) % 2 == 0:
         pairs = zip(waves[::2], waves[1::2], strict=True)
         return [_amplitude(a, b) for a, b in pairs] + [s for s in sizes if s not in waves]
@@ -42,10 +42,6 @@ def _factor(share: Size) -> Size:
         after=1.0 + share.after,
         interval=(1.0 + low, 1.0 + high),
     )
-
-
-def _wave(name: str) -> re.Match[str] | None:
-    return re.fullmatch(r".*\.[ab](\d*|_mod)", name)
 
 
 def _amplitude(a: Size, b: Size) -> Size:

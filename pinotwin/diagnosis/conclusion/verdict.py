@@ -125,7 +125,7 @@ def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
     ]
     spoilt: dict[str, list[str]] = {}
     for axis in [x for x in c.gate.nameless if x not in told]:
-        spoilt.setdefault(_short(c.gate.nameless[axis]), []).append(axis)
+        spoilt.setdefault(c.gate.nameless[axis].partition("; ")[0].partition(": ")[0], []).append(axis)
     out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
     out += [
         f"{axis} does not follow its command: check the unit, sign and axis of the command"
@@ -138,10 +138,6 @@ def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
         axes = "" if set(barred) == set(c.machine.axes) else f" on {', '.join(barred)}"
         out.append(f"These logs cannot show {joined([effect_words(x) for x in names])}{axes}")
     return out
-
-
-def _short(why: str) -> str:
-    return why.partition("; ")[0].partition(": ")[0]
 
 
 def _sentence(

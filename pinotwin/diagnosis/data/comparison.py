@@ -151,10 +151,10 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
-    whole, left = _left(twin, _joined(motions))
+    whole, left = _left(twin, Motion.join(motions))
     new = sample(whole, left, block)
     noise = residual_noise(new, left, motions)
-    unseen = within(_sample(twin, _joined(sealed), block), new) if sealed else None
+    unseen = within(_sample(twin, Motion.join(sealed), block), new) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
     asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
     if change:
@@ -345,10 +345,6 @@ def _used(motion: Motion, joint: int, known: Mask) -> Motion:
     use = motion.use.copy()
     use[:, joint] &= known
     return replace(motion, use=use)
-
-
-def _joined(motions: Sequence[Motion]) -> Motion:
-    return Motion.join(motions) if len(motions) > 1 else motions[0]
 
 
 def _sample(twin: Twin, motion: Motion, block: float) -> Sample:

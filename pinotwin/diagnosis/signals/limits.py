@@ -63,7 +63,7 @@ def reached(
     after = [followed(x, round(AFTER / m.step)) for m, x in zip(motions, near, strict=True)]
     at, late = np.concatenate(near), np.concatenate(after)
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))
-    e = np.concatenate([_error(m, joint) for m in motions])
+    e = np.concatenate([m.error[:, joint] for m in motions])
     share = float(np.mean(at))
     if share < LIMITED:
         return None
@@ -121,10 +121,6 @@ def _moving(m: Motion, joint: int) -> Mask:
     assert m.vr is not None
     speeds = [np.abs(np.nan_to_num(v[:, joint])) for v in (m.v, m.vr)]
     return np.logical_or.reduce([v > STANDING * v.max(initial=0.0) for v in speeds])
-
-
-def _error(m: Motion, joint: int) -> Floats:
-    return np.asarray(m.error[:, joint])
 
 
 def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:
