@@ -62,14 +62,11 @@ def markdown(d: Mapping[str, Any]) -> str:
     columns = ("name", "figure", "counts", "must", "aim")
     body = [[*(r[k] for k in columns), STATES[r["state"]]] for r in d["scores"]]
     out += _table(("score", "figure", "counts", "must", "aim", ""), body)
-    answers = [(true, _counts(row)) for true, row in d["confusion"].items()]
+    most = {true: sorted(row.items(), key=lambda x: -x[1]) for true, row in d["confusion"].items()}
+    answers = [(true, ", ".join(f"{k} {v:g}" for k, v in row)) for true, row in most.items()]
     out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_table(("true effect", "answers"), answers)]
     times = ", ".join(f"{k} {v:.1f} s" for k, v in d["seconds"].items())
     return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])
-
-
-def _counts(row: dict[str, float]) -> str:
-    return ", ".join(f"{k} {v:g}" for k, v in sorted(row.items(), key=lambda x: -x[1]))
 
 
 def _table(header: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:

@@ -128,7 +128,8 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
 
     What a simulation cannot carry (a pattern, an error of a sensor) is left out; None where nothing is left.
     """
-    theta, effects, diagonal = twin.theta.copy(), list(twin.effects), _copied(twin)
+    theta, effects = twin.theta.copy(), list(twin.effects)
+    diagonal = {name: x.copy() for name, x in twin.diagonal.items()}
     held, beyond = set(), set()
     bodies: list[tuple[str, Floats]] = []
     for one in causes:
@@ -182,10 +183,6 @@ def with_gains(twin: Twin, changed: Sequence[ServoChange]) -> tuple[Twin, set[st
             servos[one.axis] = servos[one.axis].scaled(**factors)
             held.add(one.axis)
     return replace(twin, servos=servos), held
-
-
-def _copied(twin: Twin) -> dict[str, Floats]:
-    return {name: np.array(values, dtype=float) for name, values in twin.diagonal.items()}
 
 
 def _shift(diagonal: dict[str, Floats], twin: Twin, effect: Effect, change: Floats) -> None:
