@@ -20,12 +20,11 @@ from pinotwin.arrays import Floats
 from pinotwin.bench.answers import Answer
 from pinotwin.bench.cases import MACHINES, Case, draw_cases, some
 from pinotwin.bench.plants import virtual
-from pinotwin.bench.produce import Sealed, produce
+from pinotwin.bench.produce import Sealed, healthy_twin, produce
 from pinotwin.bench.ratio import at_truth
 from pinotwin.bench.run import Plan, run_bench
 from pinotwin.bench.scoring import FAINT, VISIBLE
 from pinotwin.bench.statistics import Share
-from pinotwin.bench.twins import healthy_twin
 from pinotwin.effects import Effect
 from pinotwin.logs.prepare import prepare
 from pinotwin.twin import Twin

@@ -18,8 +18,7 @@ from pinotwin.bench.answers import Key, same_class
 from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.bench.produce import produce
-from pinotwin.bench.twins import healthy_twin
+from pinotwin.bench.produce import healthy_twin, produce
 from pinotwin.diagnosis import diagnose
 
 SECONDS = 6.0

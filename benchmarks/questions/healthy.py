@@ -13,8 +13,7 @@ from pathlib import Path
 from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench.cases import Case
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.bench.produce import produce
-from pinotwin.bench.twins import healthy_twin
+from pinotwin.bench.produce import healthy_twin, produce
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.logs.files import read

@@ -26,8 +26,7 @@ from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.oracle import evidence
-from pinotwin.bench.produce import Sealed, produce
-from pinotwin.bench.twins import healthy_twin, make_twin
+from pinotwin.bench.produce import Sealed, healthy_twin, make_twin, produce
 from pinotwin.diagnosis import Diagnosis, diagnose
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.system.writing import held

@@ -177,7 +177,7 @@ def _roughness(q: Floats, ticks: _Ticks | None) -> float:
 
 def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str], bridged: int) -> Log:
     """Return the log at every tick of its parts; nothing is touched where every row is the next one."""
-    grids = [_grid(ticks.at[part]) for part in ticks.parts]
+    grids = [np.arange(np.floor(np.nanmax(ticks.at[part]) + 1e-6) + 1.0) for part in ticks.parts]
     sampled = [np.unique(np.round(x[np.isfinite(x)])) for x in (ticks.at[p] for p in ticks.parts)]
     missing = sum(len(grid) - len(s) for grid, s in zip(grids, sampled, strict=True))
     if not (missing or remade):
@@ -203,10 +203,6 @@ def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str], bridged: 
             columns["t"][-1] = start + grid * ticks.step
         end = columns["t"][-1][-1]
     return log.with_channels({name: np.concatenate(x) for name, x in columns.items()})
-
-
-def _grid(at: Floats) -> Floats:
-    return np.arange(np.floor(np.nanmax(at) + 1e-6) + 1.0)
 
 
 def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:

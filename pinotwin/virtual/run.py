@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, require
 from pinotwin.virtual import columns as c
+from pinotwin.virtual.axis_truth import EffortSensor
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
 from pinotwin.virtual.kernel import position_effort
 from pinotwin.virtual.rigid import Tree, empty_pose
-from pinotwin.virtual.sensors import measured_effort
 from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import gravity_at, links_of
@@ -131,3 +132,20 @@ def load_channels(true: pin.Model, loads: Sequence[Pulse], t: Floats) -> dict[st
     load = load_arrays(true, [p for p in loads if p.link in logged], t)[2]
     parts = ("fx", "fy", "fz", "mx", "my", "mz")
     return {f"{n}.{x}": load[:, k, m] for k, n in enumerate(sorted(logged)) for m, x in enumerate(parts)}
+
+
+def measured_effort(
+    t: Floats, u: Floats, sensor: EffortSensor, rate: float, rng: np.random.Generator | None
+) -> Floats:
+    """Return the effort as logged at ``rate`` [Hz], shape (n,); without ``rng`` no noise and no quantisation."""
+    out = sensor.scale * (np.interp(t - sensor.lag, t, u) if sensor.lag else u)
+    if rng is None:
+        return np.array(out)
+    out = out + rng.normal(0.0, sensor.white or 0.0, len(t))
+    # First-order low-passed noise that is stationary from its first sample.
+    phi, rms = np.exp(-2.0 * np.pi * sensor.corner / rate), sensor.coloured or 0.0
+    shocks = rng.normal(0.0, rms * np.sqrt(1.0 - phi * phi), len(t))
+    shocks[:1] = rng.normal(0.0, rms, len(t[:1]))
+    out = out + np.asarray(lfilter([1.0], [1.0, -phi], shocks))
+    step = sensor.resolution or 0.0
+    return step * np.round(out / step) if step > 0.0 else out

@@ -25,8 +25,7 @@ from pinotwin.diagnosis.evidence.held_out import Judged
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.parsimony import Duel, duel, richer
-from pinotwin.diagnosis.search.refitted import listed_elsewhere
-from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
+from pinotwin.diagnosis.search.scan import Scored, Searcher, Table, listed_elsewhere
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION, TRANSMISSION

@@ -14,6 +14,7 @@ from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.data.comparison import Comparison, thinned_model
 from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
+from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import Effect
 from pinotwin.solve.jackknife import jackknife
 
@@ -267,3 +268,20 @@ def _by_joint(base: Base, delta: Floats) -> Floats:
         - 2.0 * np.einsum("kb,kjb->kj", delta, base.Xr)
         + np.einsum("kb,kjbc,kc->kj", delta, base.XX, delta)
     )
+
+
+def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:
+    """Whether a cause stands for an effect that the machine lists, whose shape was fitted to something larger."""
+    c, effect = searcher.comparison, named(one.effect)
+    axis = c.machine.axes.get(effect.axis or "")
+    if c.change or axis is None or not any(e.name == effect.name and e.shapes() for e in axis.effects):
+        return False
+    pairs = zip(c.twin.effects, c.twin.slices, strict=True)
+    own = [where for e, where in pairs if (e.name, e.axis) == (effect.name, effect.axis)]
+    return any(_worth(searcher, c.twin.theta, where) < rules.needless * one.gain for where in own)
+
+
+def _worth(searcher: Searcher, theta: Floats, where: slice) -> float:
+    """Return how much more the model would leave without some of its columns, floor units squared."""
+    value = theta[where] + searcher.ground.alone.base[where]
+    return float(value @ np.linalg.solve(searcher.ground.folds[-1][where, where], value))

@@ -45,7 +45,10 @@ class Shortlist:
         quiet = quiet_joints(searcher, self.rules)
         near: list[tuple[float, Effect]] = []
         for key, group in self.groups.items():
-            if _on_one(group[0]) and searcher.comparison.machine.axes[str(key[1])].index in quiet:
+            if (
+                isinstance(named(group[0]), AxisEffect)
+                and searcher.comparison.machine.axes[str(key[1])].index in quiet
+            ):
                 continue
             for effect in group if len(group) <= KEPT else self._best(key, group, searcher, residual):
                 if effect not in self.thinned:
@@ -108,11 +111,6 @@ def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
         if power < least * rows:
             out.add(j)
     return out
-
-
-def _on_one(effect: Effect) -> bool:
-    """Whether an effect acts on the effort of its own axis alone."""
-    return isinstance(named(effect), AxisEffect)
 
 
 def closes(

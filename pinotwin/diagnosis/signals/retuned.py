@@ -122,7 +122,8 @@ def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Fl
         moved = errors(other)[1]
         slope = (moved - said) / (other - factor)
         left = measured - moved
-        if factor == 1.0 and _promised(slope, before) < HOPELESS:
+        closes = float(slope @ before) ** 2 / max(float(slope @ slope) * float(before @ before), 1e-300)
+        if factor == 1.0 and closes < HOPELESS:
             break
         best = min(best, (rms(left), other, moved), key=lambda x: x[0])
         step = float(slope @ left) / max(float(slope @ slope), 1e-300)
@@ -131,11 +132,6 @@ def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Fl
         if abs(other - factor) < 1e-3:
             break
     return best[1], slope, measured - best[2], before
-
-
-def _promised(slope: Floats, left: Floats) -> float:
-    """Return the share of what is left that the best step along a slope closes."""
-    return float(slope @ left) ** 2 / max(float(slope @ slope) * float(left @ left), 1e-300)
 
 
 def _errors(twin: Twin, runs: Runs, axis: str) -> tuple[Floats, Floats]:

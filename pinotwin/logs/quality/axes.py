@@ -123,7 +123,7 @@ def axis_findings(
             yield finding("effort_missing", name, axis=name)
         if not axis.moves:
             yield finding("axis_still", name)
-        if not _turns_freely(axis, limits.get(name)):
+        if not (axis.rotary and name in limits and limits[name].position is None):
             yield from _unit_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), own)
         yield from _agreement(log, name, settings)
@@ -133,11 +133,6 @@ def axis_findings(
     yield from _lead_findings(table, limits, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
         yield finding("no_motion")
-
-
-def _turns_freely(axis: AxisQuality, limits: Limits | None) -> bool:
-    """Whether any angle may be: a joint without limits, or a motor ahead of a gear."""
-    return axis.rotary and limits is not None and limits.position is None
 
 
 def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
