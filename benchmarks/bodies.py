@@ -3,7 +3,7 @@
     python -m benchmarks bodies [LWR4 Panda KR300 TX40 UR10] [--dummies] [--quick]
 
 Every split is fitted on one part of the recordings and judged on the other. `free` is the same fit without bodies
-(`--inconsistent`), `floor` a regressor and least squares (`floor`), `best` the least error at any weight of the URDF.
+(`--inconsistent`), `floor` is :mod:`benchmarks._plain`, `best` the least error at any weight of the URDF.
 Masses are over the URDF's, the centre is in units of the URDF's box of equal inertia (1: its wall), the price is
 what `identify` itself says. With ``--dummies`` all inertials are 1 kg and masses still compared with the URDF's; with
 ``--quick`` `best` is not searched. The spread is that of the same body's mass over the fits of one robot.
@@ -22,13 +22,12 @@ import numpy as np
 import pinocchio as pin
 
 import pinotwin as pt
+from benchmarks._plain import plain_error, share_of_torque
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.batch import regressor
 from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.dynamics.pseudoinertia import pseudo_inertia
 from pinotwin.identification.settings import USUAL
 from pinotwin.machine.from_model import with_bodies
-from pinotwin.motion import Motion
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("PINOTWIN_DATA", ROOT.parent / "shared" / "data"))
@@ -97,42 +96,10 @@ def _parts(machine: pt.Machine, log: pt.Log, shares: Sequence[float], more: str 
 ROBOTS = {"LWR4": lwr4, "Panda": panda, "KR300": kr300, "TX40": tx40, "UR10": ur10}
 
 
-def floor(split: Split, twin: pt.Twin) -> float:
-    """Return the unseen error of a regressor and least squares, over the torque."""
-
-    def columns(motion: Motion) -> Floats:
-        model, n = split.machine.model, split.machine.nv
-        own = [
-            np.einsum("ij,jk->ijk", x, np.eye(n))
-            for x in (motion.v, np.sign(motion.v), np.ones_like(motion.v))
-        ]
-        return np.concatenate([regressor(model, motion.q, motion.v, motion.a), *own], axis=2)
-
-    parts = [twin.motion(log) for log in split.fitted]
-    W = [columns(m)[:: m.decimation] for m in parts]
-    use = [(m.use & m.inside[:, None])[:: m.decimation] for m in parts]
-    A = np.concatenate([w[k] for w, k in zip(W, use, strict=True)])
-    u = np.concatenate([m.u[:: m.decimation][k] for m, k in zip(parts, use, strict=True)])
-    axis = np.concatenate([np.nonzero(k)[1] for k in use])
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
-    weight = np.ones(split.machine.nv)
-    for _ in range(20):
-        w = weight[axis]
-        theta = np.linalg.lstsq(A / size * w[:, None], u * w, rcond=1e-4)[0] / size
-        weight = 1.0 / np.sqrt(np.bincount(axis, (A @ theta - u) ** 2) / np.bincount(axis))
-    motion = twin.motion(split.judged)
-    return _share(motion, motion.u - columns(motion) @ theta)
-
-
 def unseen(twin: pt.Twin, log: pt.Log) -> float:
     """Return the error of a twin's torque on a log, over the torque."""
     motion = twin.motion(log)
-    return _share(motion, motion.u - twin.effort(motion))
-
-
-def _share(motion: Motion, error: Floats) -> float:
-    rows = motion.inside & np.isfinite(motion.u).all(axis=1)
-    return float(np.linalg.norm(error[rows]) / np.linalg.norm(motion.u[rows]))
+    return share_of_torque(motion, motion.u - twin.effort(motion))
 
 
 def centres(machine: pt.Machine, pi: Floats) -> Floats:
@@ -164,7 +131,7 @@ def judged(robot: str, split: Split, *, dummy: bool, quick: bool) -> Floats:
     start = time.process_time()
     twin = pt.identify(machine, split.fitted, loop=False)
     seconds = time.process_time() - start
-    error, plain = unseen(twin, split.judged), floor(split, twin)
+    error, plain = unseen(twin, split.judged), plain_error(twin, split.fitted, split.judged)
     tried = [
         unseen(pt.identify(machine, split.fitted, loop=False, settings=settings), split.judged)
         for settings in (replace(USUAL, urdf_rows=(w,), other_rows=()) for w in (() if quick else WEIGHTS))

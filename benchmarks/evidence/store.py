@@ -37,6 +37,7 @@ class Figure:
         low: lowest over seeds or cases.
         high: highest.
         published: the same figure as its source states it.
+        plain: the same figure of a regressor and least squares, see :mod:`benchmarks._plain`.
         note: what else a reader must know.
     """
 
@@ -49,6 +50,7 @@ class Figure:
     low: float | None = None
     high: float | None = None
     published: float | str | None = None
+    plain: float | None = None
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -101,6 +103,7 @@ def page(content: Mapping[str, Any]) -> str:
         "",
         "Every measured figure, with its command. `make evidence` writes this page from `figures.json`. The module",
         "of a part in `benchmarks/evidence/` says how it is measured. Tests fail at 1.5 times what is stated here.",
+        "`plain` is a regressor and least squares (`benchmarks/_plain.py`, 30 lines) on the same rows.",
         "",
         "| kind | means |",
         "|---|---|",
@@ -117,6 +120,7 @@ def _table(one: Mapping[str, Any]) -> list[str]:
     kinds = {f["kind"] for f in rows.values()}
     took = "" if one["seconds"] is None else f"; {one['seconds']} s"
     heads = ["name", "figure", "ours", *(["range"] if any("low" in f for f in rows.values()) else [])]
+    heads += ["plain"] if any("plain" in f for f in rows.values()) else []
     heads += ["published"] if any("published" in f for f in rows.values()) else []
     heads += ["kind"] if len(kinds) > 1 else []
     of_all = "" if len(kinds) > 1 else f"; {kinds.pop()}"
@@ -126,6 +130,7 @@ def _table(one: Mapping[str, Any]) -> list[str]:
         note = f" ({f['note']})" if f.get("note") else ""
         cells = {"name": f"`{name}`", "figure": f["what"] + note, "ours": _number(f), "kind": f["kind"]}
         cells |= {"range": _range(f), "published": _published(f)}
+        cells["plain"] = f"{f['plain']:g} {f.get('unit', '')}".strip() if "plain" in f else ""
         lines.append(f"| {' | '.join(cells[head] for head in heads)} |")
     return lines
 
