@@ -1,7 +1,7 @@
 """What mkdocs does with a page before it renders it: figures are put in, notebooks become pages.
 
 ``{{ part.name }}`` stands for a figure of figures.json with its unit (a count as ``9 of 10``), with ``.range`` for its
-lowest and highest value, with ``.published`` for the value that its source states.
+lowest and highest value, with ``.published`` for the value that its source states, ``.plain`` for that of a plain fit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def stated(name: str, content: Mapping[str, Any]) -> str:
     """Return a figure as it stands in a text.
 
     Args:
-        name: ``part.name``, ``part.name.range`` or ``part.name.published``.
+        name: ``part.name``, ``part.name.range``, ``part.name.published`` or ``part.name.plain``.
         content: what :func:`figures` returns.
 
     Raises:
@@ -38,8 +38,8 @@ def stated(name: str, content: Mapping[str, Any]) -> str:
     end = f" {unit}" if unit else ""
     if aspect == ["range"]:
         return f"{_digits(found['low'])} to {_digits(found['high'])}{end}"
-    if aspect == ["published"]:
-        return f"{_digits(found['published'])}{end}"
+    if aspect in (["published"], ["plain"]):
+        return f"{_digits(found[aspect[0]])}{end}"
     if found.get("of") is not None:
         return f"{found['value']:g} of {found['of']}"
     return f"{_digits(found['value'])}{end}"
