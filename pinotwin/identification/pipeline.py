@@ -77,7 +77,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or (lambda stage, done: None)
     tell("preparing the log", 0.02)
-    machine, logs, sizes = _as_logged(machine, effects, given := as_logs(log), resample, settings)
+    machine, logs, sizes = _as_logged(as_machine(machine), effects, given := as_logs(log), resample, settings)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs, settings)
     even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
@@ -153,13 +153,13 @@ def _unseen(
 
 
 def _as_logged(
-    given: MachineLike, effects: Any, raw: list[Log], resample: float | None, settings: Settings
+    machine: Machine, effects: Any, raw: list[Log], resample: float | None, settings: Settings
 ) -> tuple[Machine, list[Log], Sizes]:
     """Return the machine as its logs show it, these bound, and what one unit of an effort without a factor is.
 
     It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
     """
-    machine = as_machine(given).listing(effects).require_physical()
+    machine = machine.listing(effects).require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
     unsized = {name: replace(column, found=0.0) for name, column in machine.columns.items()}
