@@ -50,7 +50,10 @@ def near_urdf(
     found = near(evidence, bodies, weight * rows, found)
     if held is not None:
         known = replace(known, held=held.by(known.problem, folds[weight], found.theta))
-    price |= {"urdf_rows": weight, "correlated_rows": rows}
+    noise = fit.sigma[fit.problem.axis_place]
+    left = [(fit.problem.y - fit.problem.W @ theta) / noise for theta in (found.theta, fit.theta)]
+    ratio = float(left[0] @ left[0] / (left[1] @ left[1])) if left[1].any() else None
+    price |= {"moved": True, "cost_ratio": ratio, "urdf_rows": weight, "correlated_rows": rows}
     said = body_rows(machine, found, dummy, rows, settings)
     return replace(plant, theta=found.theta, pi=found.pi, bodies=said), known, price
 

@@ -98,11 +98,8 @@ def close_loops(
     ]
     if not axes:
         return ClosedLoops(plant, warnings=tuple(said))
-    said += [
-        IDENTIFIED["on_load"].format(axis=name)
-        for name in axes
-        if _on_load(machine, motion, name, settings.pays)
-    ]
+    better = [name for name in axes if _on_load(machine, motion, name, settings.pays)]
+    said += [IDENTIFIED["on_load"].format(axis=name) for name in better]
     found = fit_servos(plant, motion, raw, axes, lambda x, done: tell(x, 0.45 + 0.25 * done), settings)
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)

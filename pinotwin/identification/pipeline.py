@@ -97,18 +97,11 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     said = [*sizes.notes(machine), *warnings(quality, plant, fit.motion, settings), *closed.warnings]
     quality["warnings"] = [*bending_warnings(bending), *said]
     data = [provenance(item, fit.motion) for item in given]
-    return _twin(closed, fit, validated, settings, quality=quality, data=data, settings=preparation)
+    return _twin(closed, fit, validated, settings, quality, data=data, settings=preparation)
 
 
 def _twin(
-    closed: ClosedLoops,
-    fit: Plant,
-    known: CrossValidated,
-    by: Settings,
-    /,
-    *,
-    quality: Mapping[str, Any],
-    **rest: Any,
+    closed: ClosedLoops, fit: Plant, known: CrossValidated, by: Settings, quality: Any, **rest: Any
 ) -> Twin:
     """Return the twin of a plant and its loops, with what it keeps of its logs."""
     moments = moments_of(closed.plant, fit.motion, known, fit.fit)

@@ -174,4 +174,5 @@ def _sizes(
         size = size * np.exp(step)
         if np.abs(step).max() < 1e-4:
             break
-    return size, np.sqrt(np.diag(np.linalg.pinv(H, 1e-10, True)))
+    values, V = np.linalg.eigh(H)  # what nothing determines has a large error, not none
+    return size, np.sqrt((V**2 / np.maximum(values, 1e-10 * values.max() + 1e-300)).sum(axis=1))

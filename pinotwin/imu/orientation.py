@@ -18,7 +18,10 @@ Method = Literal["ekf", "smoother", "vqf", "offline"]
 def orientation(
     gyr: Floats, acc: Floats, rate: float, method: Method = "vqf", *, rule: rot.Rule = "mean"
 ) -> Floats:
-    """Return quaternions (n, 4), sensor to earth (z up), heading as at the start.
+    """Return quaternions (n, 4), sensor to earth (z up), heading as at the start, from rates [rad/s] and forces [m/s²].
+
+    ``method`` is "vqf" (offline; Laidig and Seel 2023, doi:10.1016/j.inffus.2022.10.014), "offline" our smoother, "ekf"
+    the adaptive filter (thesis Fig. 6-5) or "smoother" its two-way form; ``rule`` as in :func:`rot.increments`.
 
     Raises:
         DataError: arrays that do not fit, that are not finite, or an unknown method.

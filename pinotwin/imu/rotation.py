@@ -79,7 +79,10 @@ def inclination_error(q: Floats, reference: Floats) -> Floats:
 
 
 def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floats:
-    """Return the rotation vectors [rad] of the steps between samples, shape (n - 1, 3)."""
+    """Return the rotation vectors [rad] of the steps [s] between rates (n, 3) [rad/s], shape (n - 1, 3).
+
+    Rates are averages that end at the stamp ("mean") or instantaneous ("coning", fourth order if steps are one).
+    """
     a, b = gyr[:-1], gyr[1:]
     h = np.broadcast_to(np.asarray(step, dtype=float), (len(a),))[:, None]
     if rule == "mean":

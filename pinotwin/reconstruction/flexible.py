@@ -47,7 +47,7 @@ def identify_flexible(
     vibrations: Vibration | Log | Sequence[Vibration | Log],
     **options: Any,
 ) -> Flexible:
-    """Identify a machine with the vibration of its passive joint.
+    """Identify a machine with the vibration of its passive joint; options are those of :func:`pinotwin.identify`.
 
     Raises:
         DataError: logs and vibrations do not come in pairs.

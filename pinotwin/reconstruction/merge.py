@@ -17,7 +17,7 @@ def with_vibration(
 ) -> Log:
     """Return the servo log with the channel ``<joint>.v`` of the vibration.
 
-    The velocity is all that the motors' equations take (thesis Eq. 7.2).
+    The velocity is all that the motors' equations take (thesis Eq. 7.2); ``row`` adds ``.q`` and ``.a`` as well.
 
     Raises:
         DataError: the vibration has no such channel, or does not cover the log.
