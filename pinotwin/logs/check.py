@@ -34,6 +34,9 @@ _POSITION = (
     "effort_scale",
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(
+        ("rows_held", "rows_doubled", "rows_lost", "interpolated"), ("effort_strange", "command_late")
+    ),
     "effort_noise": ("loop_unstable",),
     "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),
@@ -138,7 +141,11 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
         for axis in f.axis.split(", ")
         for code in _CONSEQUENCES.get(f.code, ())
     }
-    return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
+    return [
+        f
+        for f in findings
+        if ("", f.code) not in told and not all((axis, f.code) in told for axis in f.axis.split(", "))
+    ]
 
 
 def machine_findings(machine: Machine) -> list[Finding]:

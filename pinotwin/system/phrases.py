@@ -19,6 +19,8 @@ LOG = {
     "{longest:.4g} s{jump}, first at row {first}; single samples are bridged, the log is cut at longer holes",
     "clock_jitter": "irregular sampling: interval {step:.4g} ms, jitter {rms:.3g} ms rms, {most:.3g} ms at "
     "most; preparation takes the clock that the motion shows",
+    "clock_odd": "rows come every {step:.5g} ms: if the controller's cycle is {cycle:.4g} ms, the clock runs "
+    "{off:+.2g} % off, and so do speeds; an inertia is then off by twice that",
     "slow_rate": "{rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to 100 ms; "
     "friction and gravity can be found, log at 250 Hz or more for the rest",
     # one channel
@@ -50,6 +52,15 @@ LOG = {
     "time channel (then the log is cut there) or without pauses",
     "bad_state": "{percent:.0f} % of the untrustworthy rows have {name} = {value:g}; leave all {rows} rows "
     "with that value out (data: {{leave_out: [{{{name}: {value:g}}}]}})",
+    "rows_lost": "{count} rows are missing at {places} places, first at {first:.4g} s, though the clock is even: "
+    "every axis steps by several samples at once; record again without loss",
+    "rows_doubled": "{count} rows repeat the row before in every channel, first at {first:.4g} s: they were recorded "
+    "twice; leave them out or record again",
+    "rows_held": "each measurement is held for {count} rows while the command moves on: the log is sampled faster than "
+    "the drive answers; log at its rate",
+    "interpolated": "{percent:.0f} % of the rows lie on lines between others: drawn from a slower log; use that one",
+    "frozen": "stands still from {start:.4g} to {end:.4g} s while the axis moves: the channel froze; leave that "
+    "stretch out (data: leave_out in machine.yaml)",
     # the axes
     "position_missing": "no position {axis}.q; map it under columns in machine.yaml, or take the axis out "
     "of axes; {hint}",
@@ -72,6 +83,8 @@ LOG = {
     "measured position",
     "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both "
     "units",
+    "command_late": "comes {ms:.3g} ms ({rows} rows) late: the controller acts on it before it is in the log; log "
+    "command and position of one instant",
     "command_disagrees": "command and position do not agree{times}; another unit, sign or axis? check "
     "columns",
     "position_scale": "goes {factor:.4g} times as far as its command, where it rests: another gear, lead or "
@@ -83,6 +96,7 @@ LOG = {
     "effort_stands": "stands at {level:.3g} {unit} while the axis moves both ways: a drive at its limit all "
     "along, or no effort of this axis",
     "effort_noise": "is noise: it has no memory and nothing of the motion in it; log the motor's effort",
+    "effort_strange": "fits this motion no better than if it were of another time: it is of another run or axis",
     "effort_unsigned": "never changes its sign, but fits the motion with a sign that changes where it "
     "touches zero: a magnitude was logged; log the signed effort",
     "effort_late": "comes {ms:.0f} ms late for the motion, more than any drive: the channels are not of one "

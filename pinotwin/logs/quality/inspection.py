@@ -11,6 +11,7 @@ from pinotwin.log import Log
 from pinotwin.logs.clock import even_clock
 from pinotwin.logs.files.content import Holes
 from pinotwin.logs.quality.axes import axis_findings, inspect_axes
+from pinotwin.logs.quality.recorded import recorded_findings
 from pinotwin.logs.quality.results import ChannelQuality, Finding, Limits, Quality, Severity, finding
 from pinotwin.logs.quality.rows import row_findings
 from pinotwin.logs.quality.sampling import clock_findings
@@ -34,7 +35,7 @@ def inspect(
     even, now = _even(log, axes, ticks, settings)
     table, cutoff = inspect_axes(even, axes, now, settings)
     findings += axis_findings(log, axes, table, channels, limits or {}, ticks, settings)
-    rows = list(row_findings(log, settings))
+    rows = [*row_findings(log, settings), *recorded_findings(log, list(axes))]
     torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
     findings = [f for f in findings if not (f.code == "speed_limit" and f.channel in torn)] + rows
     findings += [Finding("info", "", note) for note in _untold(log, channels)]

@@ -1,0 +1,132 @@
+"""What became of a log while it was recorded: rows lost, doubled or held, a slower log drawn through, a frozen channel.
+
+All of it shows in the rows themselves, whatever the machine: a command is smooth, and no two measurements are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.log import Log
+from pinotwin.logs.quality.results import Finding, finding
+from pinotwin.signals import runs
+
+FEW, DRAWN = 3, 0.4
+"""Rows from which there is more than a chance, and share of them on lines that no measurement has."""
+
+
+def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
+    """Say what became of a bound log while it was recorded."""
+    if "t" not in log or len(log) < 20 or not np.isfinite(log.t).all():
+        return
+    t = log.t
+    missing = lost_rows(log, axes)
+    if missing.any():
+        said = {"count": int(missing.sum()), "first": float(t[np.argmax(missing > 0.0)])}
+        yield finding("rows_lost", "", **said, places=int((missing > 0.0).sum()))
+    line = max((drawn_rows(log[name]) for axis in axes if (name := f"{axis}.u") in log), default=0.0)
+    drawn = line > DRAWN
+    same = doubled_rows(log)
+    if same.any() and not drawn:
+        yield finding("rows_doubled", "", count=int(same.sum()), first=float(t[np.argmax(same)]))
+    held = held_rows(log)
+    if held > 1:
+        yield finding("rows_held", "", count=held)
+    if drawn:
+        yield finding("interpolated", "", percent=100.0 * line)
+    for axis in axes:
+        if f"{axis}.u" in log and f"{axis}.q" in log:
+            for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
+                yield finding("frozen", f"{axis}.u", start=float(t[rows.start]), end=float(t[rows.stop - 1]))
+
+
+def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
+    """Return how many rows are missing before each, (n,): all axes step by whole samples at once on an even clock.
+
+    Lost rows only make steps longer; where as many are shorter they say nothing.
+    """
+    t = log["t"]
+    steps, out = np.diff(t), np.zeros(len(t))
+    vote, weight = np.zeros(len(steps)), np.zeros(len(steps))
+    for name in (f"{a}.qr" if f"{a}.qr" in log else f"{a}.q" for a in axes):
+        if name not in log or not np.isfinite(log[name]).all():
+            continue
+        d = np.diff(log[name])
+        around = median_filter(d, 7, mode="nearest")
+        fast = np.abs(around) > 0.1 * np.quantile(np.abs(around), 0.99)
+        scale = np.abs(around[fast]) / max(float(np.abs(around).max()), 1e-300)
+        vote[fast] += scale * (d[fast] / around[fast] - 1.0)
+        weight[fast] += scale
+    jump = np.where(weight > 0.0, vote / np.maximum(weight, 1e-300), 0.0)
+    even = steps < 1.5 * float(np.median(steps))
+    whole = np.round(jump)
+    longer = even & (whole >= 1.0) & (whole <= 50.0) & (np.abs(jump - whole) < 0.3)
+    odd = int(np.sum(np.abs(jump) > 0.3)) - int(longer.sum())
+    if longer.sum() >= FEW and longer.sum() > 4 * odd:
+        out[1:][longer] = whole[longer]
+    return out
+
+
+def doubled_rows(log: Log) -> Mask:
+    """Return the rows that repeat the one before in every channel that usually changes, (n,); none if many do."""
+    moved = _moved(log, [k for k in log.channels if k != "t"])
+    moved = moved[moved.mean(axis=1) > 0.5]
+    same = ~moved.any(axis=0) & (len(moved) >= FEW)
+    return same if FEW <= same.sum() < 0.3 * len(log) else np.zeros_like(same)
+
+
+def held_rows(log: Log) -> int:
+    """Return for how many rows every measurement is held while a command moves on; 1 where none is."""
+    commands = [k for k in log.channels if k.endswith(".qr")]
+    measured = [k for k in log.channels if k != "t" and k not in commands]
+    asked, new = (np.asarray(_moved(log, names).any(axis=0)) for names in (commands, measured))
+    fresh = new[asked]
+    share = float(fresh.mean()) if len(fresh) > 20 else 1.0
+    return round(1.0 / share) if 0.15 < share < 0.7 else 1
+
+
+def _moved(log: Log, names: Sequence[str]) -> Mask:
+    """Return whether each channel differs from the row before, (k, n)."""
+    out = [np.diff(log[k], prepend=np.nan) != 0.0 for k in names]
+    return np.array(out, dtype=bool).reshape(len(names), len(log))
+
+
+def drawn_rows(x: Floats) -> float:
+    """Return the share of rows that lie on the line between their neighbours while a channel (n,) changes."""
+    bend, moves = np.abs(np.diff(x, 2)), np.abs(np.diff(x))[1:] > 0.0
+    return float(np.mean((bend < 1e-6 * np.std(x)) & moves))
+
+
+def frozen_rows(
+    t: Floats, x: Floats, q: Floats, shortest: float = 0.1, chance: float = 1e-6
+) -> Iterator[slice]:
+    """Yield the stretches in which a channel (n,) stands still while its axis moves on, longer than chance has it.
+
+    Args:
+        t: time [s], (n,).
+        x: channel, (n,).
+        q: position of the axis, (n,).
+        shortest: stretch [s].
+        chance: of one such stretch in the whole log, by how often two rows are alike otherwise.
+    """
+    span, reach = float(np.ptp(x)), float(np.ptp(q))
+    if not (span > 0.0 and reach > 0.0):
+        return
+    same = np.abs(np.diff(x, prepend=np.inf)) <= 1e-9 * span
+    flat = [x[rows.start] for rows in runs(same)]
+    for rows in runs(same):
+        limit = (
+            x[rows.start] in (x.min(), x.max()) and flat.count(x[rows.start]) > 1
+        )  # a drive comes back to its limit
+        if t[rows.stop - 1] - t[rows.start] < shortest or limit:
+            continue
+        others = (int(same.sum()) - (rows.stop - rows.start) + 1.0) / (
+            len(x) - (rows.stop - rows.start) + 2.0
+        )
+        likely = len(x) * others ** float(rows.stop - rows.start) > chance
+        if not likely and np.ptp(q[rows]) > 0.01 * reach:
+            yield slice(rows.start - 1, rows.stop)

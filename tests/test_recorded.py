@@ -1,0 +1,95 @@
+"""What became of a log while it was recorded: `check` names it, and says nothing of logs that are whole."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+KINDS = {
+    "late": "command_late",
+    "frozen": "frozen",
+    "clock": "clock_odd",
+    "lost": "rows_lost",
+    "doubled": "rows_doubled",
+    "held": "rows_held",
+    "strange": "effort_strange",
+    "drawn": "interpolated",
+}
+
+
+@cache
+def _log(seed: int) -> pt.Log:
+    machine = VirtualMachine.load(pt.machines()["trunnion"])
+    return machine.record(random_trajectory(machine, 20.0, seed), seed=seed).to_log()
+
+
+def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:  # noqa: C901, one case a kind
+    """Return a log of which one kind of fault has been made; of one axis where it is of one."""
+    c = {k: log[k].copy() for k in log.channels}
+    n, rng, axis = len(c["t"]), np.random.default_rng(seed), "Y"
+    step = float(np.median(np.diff(c["t"])))
+    some = rng.choice(np.arange(1, n), n // 50, replace=False)
+    rows = np.arange(n)
+    match kind:
+        case "late":
+            c[f"{axis}.qr"] = np.r_[np.full(8, c[f"{axis}.qr"][0]), c[f"{axis}.qr"][:-8]]
+        case "frozen":
+            c[f"{axis}.u"][int(0.4 * n) : int(0.6 * n)] = c[f"{axis}.u"][int(0.4 * n)]
+        case "clock":
+            c["t"] = 1.01 * c["t"]
+        case "lost":
+            rows = np.setdiff1d(rows, some)
+        case "doubled":
+            rows = np.sort(np.r_[rows, some])
+        case "held":
+            rows = rows // 3 * 3
+        case "strange":
+            c[f"{axis}.u"] = np.roll(c[f"{axis}.u"], n // 2)
+        case "drawn":
+            c = {k: x if k == "t" else np.interp(c["t"], c["t"][::5], x[::5]) for k, x in c.items()}
+    if kind in ("lost", "doubled"):
+        c = {k: x[rows] for k, x in c.items()} | {"t": step * np.arange(len(rows))}
+    if kind == "held":
+        c = {k: x if k == "t" or k.endswith(".qr") else x[rows] for k, x in c.items()}
+    return pt.Log(c)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_of_the_recording_is_named(kind):
+    codes = [f.code for f in pt.check("trunnion", _spoiled(_log(3), kind, 1)).findings]
+    assert KINDS[kind] in codes
+    others = set(codes) & set(KINDS.values()) - {KINDS[kind]}
+    assert not others
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_whole_log_has_none(seed):
+    codes = {f.code for f in pt.check("trunnion", _log(seed)).findings}
+    assert not codes & set(KINDS.values())
+
+
+SPOILT = Path(__file__).resolve().parents[2] / "shared" / "cases" / "robust" / "trunnion"
+
+
+@pytest.mark.skipif(not SPOILT.exists(), reason="no shared cases here")
+def test_the_log_that_spoils_are_made_of_is_whole():
+    codes = {f.code for f in pt.check(pt.Machine.load(SPOILT), SPOILT / "valid.csv").findings}
+    assert not codes & set(KINDS.values())
+
+
+@pytest.mark.skipif(not SPOILT.exists(), reason="no shared cases here")
+@pytest.mark.parametrize("rows", [1, 4, 12])
+def test_a_late_command_is_named_with_its_rows(rows):
+    log = pt.read(SPOILT / "valid.csv")
+    late = np.r_[np.full(rows, log["Y.qr"][0]), log["Y.qr"][:-rows]]
+    found = pt.check(
+        pt.Machine.load(SPOILT), log.with_channels({**{k: log[k] for k in log.channels}, "Y.qr": late})
+    )
+    said = [f.message for f in found.findings if f.code == "command_late"]
+    assert [f"({rows} rows)" in text for text in said] == [True]
