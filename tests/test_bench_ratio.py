@@ -38,17 +38,6 @@ def test_the_gap_of_a_ripple_is_its_own_power(emps):
     assert gap == pytest.approx(np.mean(wave**2), rel=0.05)  # without stiction the motor bears it
 
 
-def test_a_healthy_machine_is_followed_by_its_own_laws_and_by_no_poorer_ones():
-    well, path = virtual("random:2"), path_of("random:2", SECONDS, 3)
-    clean = run(well, path)
-    noise = noise_powers(well, path, clean)
-    own, poorer = (
-        max(left_of(clean.signals, clean, m, well, noise, usable=True).values())
-        for m in (public_machine("random:2"), public_machine("random:2", (("viscous", "Q2", 1.0),)))
-    )
-    assert own < 4.0 < poorer
-
-
 def test_the_noise_without_scatter_is_that_of_the_sensors(emps):
     well, path, clean = emps
     sensor = well.truth.axes["X"].effort

@@ -29,8 +29,6 @@ def made(kind="single", truth=(STRIBECK,), named=(), rho=1.0, verdict="explained
         "structure",
         kind,
         truth,
-        tuple((*t, 0.1) for t in truth),
-        sizes,
         sizes,
         verdict,
         named=tuple((*n, 0.8) for n in named),

@@ -27,9 +27,7 @@ class Answer:
     situation: str  # structure or change
     kind: str  # see :class:`Case`
     truth: tuple[Key, ...]  # right answers (effect, axis)
-    put_in: tuple[tuple[str, str, float], ...]  # (effect, axis, size) that was put in
     sizes: tuple[float, ...]  # rho of each of them
-    raw: tuple[float, ...]  # the same before the model takes up what it can
     verdict: str  # verdict, or error
     named: tuple[tuple[str, str | None, float], ...] = ()  # (effect, axis, confidence), best first
     stated: tuple[Key, ...] = ()  # (effect, axis) of the stated 90 % set of the first one
@@ -39,7 +37,6 @@ class Answer:
     # interval where it has one
     shrink: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)  # stage -> time it took [s]
-    form: float = 0.0  # what the model's laws cannot follow of a healthy machine, over the noise
     # what the true course of the weakest effect moves, over the least asked for; see bench.oracle
     oracle: float | None = None
     error: str = ""  # what went wrong, if anything did
@@ -97,23 +94,21 @@ def noted(
     return dataclasses.replace(
         failed(case, None),
         sizes=made.sizes,
-        raw=made.raw,
         verdict=found.verdict,
         named=tuple((e.effect, e.axis, float(e.confidence)) for e in found.effects),
         stated=_stated(found),
         confusable=tuple(tuple(g) for g in found.confusable),
         shrink=_shrink(found),
         seconds=seconds,
-        form=made.form,
         oracle=oracle,
     )
 
 
 def failed(case: Case, error: BaseException | None) -> Answer:
     """Return the answer of a case whose diagnosis did not come to an end."""
-    asked = case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects
+    asked = case.number, case.machine, case.situation, case.kind, truth_of(case)
     text = "" if error is None else f"{type(error).__name__}: {error}"
-    return Answer(*asked, sizes=(), raw=(), verdict="error", error=text)
+    return Answer(*asked, sizes=(), verdict="error", error=text)
 
 
 def _stated(found: Diagnosis, level: float = 0.9) -> tuple[Key, ...]:

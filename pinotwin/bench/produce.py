@@ -40,11 +40,6 @@ class Produced:
     # power over the noise of each effect alone, in the signal and axis where it shows most; for a model that is
     # fitted to the log, what that model cannot take up
     sizes: tuple[float, ...]
-    raw: tuple[float, ...]  # the same before anything is taken up
-    # of a healthy machine in situation structure: power that the model's laws, fitted at their true shapes,
-    # cannot follow, over the noise. Its friction is the model's by name, but not to the last micrometre by
-    # its equation
-    form: float = 0.0
     # of every effect, if all are of the plant: a run with it alone, without noise, each effort what it
     # adds; empty otherwise
     courses: tuple[Log, ...] = ()
@@ -60,17 +55,8 @@ def produce(case: Case, *, seconds: float = 8.0) -> Produced:
     validation = (_log(_later(ill, case.seed), check, first + 31, "B"),)
     sealed = Sealed(public_machine(case.machine, off), logs, validation)
     if not case.effects:
-        return Produced(sealed, {}, (), (), _form_error(case, sealed.machine, ill, fit))
+        return Produced(sealed, {}, ())
     return _measured(case, sealed, ill, fit, off)
-
-
-def _form_error(case: Case, machine: Machine, well: VirtualMachine, path: Trajectory) -> float:
-    """Return what the listing's own columns, at their true shapes, leave of a healthy effort."""
-    if case.situation == "change":
-        return 0.0
-    clean = run(well, path)
-    noise = noise_powers(well, path, clean)
-    return max(left_of(clean.signals, clean, machine, well, noise, usable=True).values())
 
 
 def path_of(machine: str, seconds: float, seed: int, tries: int = 6) -> Trajectory:
@@ -116,13 +102,13 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
         )
         alone = [run(one, path) for one in every]
     machine = sealed.machine if case.situation == "structure" else None
-    pairs = [
-        _sizes(one[0], r, clean, noise, (machine, well)) for one, r in zip(case.effects, alone, strict=True)
-    ]
+    sizes = tuple(
+        _size(one[0], r, clean, noise, (machine, well)) for one, r in zip(case.effects, alone, strict=True)
+    )
     rho = over(powers(seen.minus(clean)), noise)
     plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
     courses = tuple(_course(one, clean) for one in alone) if plant else ()
-    return Produced(sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), courses=courses)
+    return Produced(sealed, rho, sizes, courses)
 
 
 def _course(ill: Run, clean: Run) -> Log:
@@ -131,18 +117,16 @@ def _course(ill: Run, clean: Run) -> Log:
     return Log({k: np.asarray(x) for k, x in {**ill.log, **added}.items()}, source="course")
 
 
-def _sizes(
+def _size(
     effect: str, ill: Run, clean: Run, noise: Powers, model: tuple[Machine | None, VirtualMachine]
-) -> tuple[float, float]:
-    """Return the size of one effect: what is left to see of it, and the whole difference."""
+) -> float:
+    """Return the size of one effect: what is left to see of it."""
     difference = ill.minus(clean)
-    signal = "e" if effect in LOOP_ONLY else "u"
-    ratios = over(powers(difference), noise)
-    raw = max(of[signal] for of in ratios.values())
     machine, truth = model
-    if machine is None or signal == "e":
-        return raw, raw
-    return max(left_of(difference, ill, machine, truth, noise).values()), raw
+    if machine is None or effect in LOOP_ONLY:
+        signal = "e" if effect in LOOP_ONLY else "u"
+        return max(of[signal] for of in over(powers(difference), noise).values())
+    return max(left_of(difference, ill, machine, truth, noise).values())
 
 
 def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Path:

@@ -86,14 +86,11 @@ def left_of(
     machine: Machine,
     truth: VirtualMachine,
     noise: Powers,
-    *,
-    usable: bool = False,
     rows: int = 1200,
 ) -> dict[str, float]:
     """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
 
-    The columns are taken at their true shapes along a run, at so many rows; ``usable`` takes only those that the
-    listing speaks about (Coulomb friction says nothing of rest).
+    The columns are taken at their true shapes along a run, at so many rows.
     """
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
     efforts = {f"{a}.u": of["u"] for a, of in difference.items()}
@@ -102,8 +99,6 @@ def left_of(
     pick = np.unique(np.linspace(0, len(motion) - 1, rows).astype(int))
     joints = np.array([motion.index(a) for a in difference], dtype=np.intp)
     weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in difference], len(pick))
-    if usable:
-        weight = weight * motion.use[np.ix_(pick, joints)].T.reshape(-1)
     A = _design(motion, effects, pick, joints) * weight[:, None]
     y = np.nan_to_num(motion.u[np.ix_(pick, joints)]).T.reshape(-1) * weight
     size = np.linalg.norm(A, axis=0)

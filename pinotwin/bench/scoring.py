@@ -110,28 +110,20 @@ def healthy_rows(healthy: Sequence[Answer]) -> list[Row]:
         ),
         _share("… an effect named", healthy, lambda a: bool(a.named)),
         *(_share(f"… in situation {s}", x, lambda a: a.accused) for s, x in of.items()),
-        _number(
-            "… what the laws cannot follow of a healthy machine, median rho",
-            [a.form for a in of["structure"]],
-            note="situation structure, at their true shapes",
-        ),
     ]
 
 
 def top_rows(single: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
     """Return how often the first answer is right."""
-    faint, seen = [a for a in single if FAINT <= a.size < VISIBLE], _seen(visible)
-    wider = [a for a in single if max(a.raw, default=0.0) >= VISIBLE]
+    faint = [a for a in single if FAINT <= a.size < VISIBLE]
     merged = "classes merged as physics and the diagnosis say"
-    moves = "their true course moves the effort by what the rules ask for, beside the model"
+    moves = "their true course moves the effort by the detection limit, beside the model"
     return [
         _share(
             "top-1 effect and axis, rho ≥ 0.1", visible, Answer.right, Bound(0.85), Bound(0.95), note=merged
         ),
         _share("… unmerged, rho ≥ 0.1", visible, lambda a: a.right(strict=True)),
-        _share("… rho ≥ 0.1 before the model took up its part", wider, Answer.right),
-        _share("… of those that an oracle sees while the axis moves", seen, Answer.right, note=moves),
-        _share("… of the others", [a for a in visible if a not in seen], Answer.right),
+        _share("… of those that an oracle sees", _seen(visible), Answer.right, note=moves),
         _share("… among the first two", visible, lambda a: a.right() or a.right(1)),
         _share(
             "… axis right",
@@ -140,7 +132,6 @@ def top_rows(single: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
             note="of those named; a load on any axis",
         ),
         _share("top-1, 0.02 ≤ rho < 0.1", faint, Answer.right, Bound(0.60), Bound(0.75)),
-        _share("… of those faint ones that an oracle sees", _seen(faint), Answer.right),
     ]
 
 
@@ -157,7 +148,7 @@ def size_rows(visible: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
 def _seen(answers: Sequence[Answer], least: float = 1.0) -> list[Answer]:
     """Return those of which an oracle sees every effect (of the controller's own: it does not look).
 
-    Below ``least`` of what the rules of the diagnosis ask for, not even the true course of an effect is named.
+    Below ``least`` of the detection limit not even the true course of an effect is named.
     """
     return [a for a in answers if a.oracle is None or a.oracle >= least]
 
@@ -212,9 +203,7 @@ def unknown_rows(outside: Sequence[Answer], visible: Sequence[Answer]) -> list[R
         _share("… of those unknown ones that an oracle sees", _seen(seen), lambda a: a.flagged),
         _share("… nobody's effect", of["outside"], lambda a: a.flagged),
         _share("… effect taken out of the catalogue", of["left_out"], lambda a: a.flagged),
-        _share("… and nothing named", seen, lambda a: a.flagged and not a.named),
         _share("known called unknown", visible, lambda a: a.flagged, *most, note="the same verdicts"),
-        _share("… unexplained, nothing named", visible, lambda a: a.verdict == "unexplained" and not a.named),
         _share("known called none", visible, lambda a: a.verdict == "none" and not a.named),
     ]
 
