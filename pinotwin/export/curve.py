@@ -15,11 +15,6 @@ class Curve(NamedTuple):
     x: list[float]
     y: list[float]
 
-    @property
-    def constant(self) -> bool:
-        """Whether it has one value everywhere."""
-        return len(self.x) == 1
-
     def __call__(self, x: Floats) -> Floats:
         """Return the values at ``x``, shape (n,)."""
         return np.interp(x, self.x, self.y)

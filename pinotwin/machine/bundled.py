@@ -8,17 +8,10 @@ from pathlib import Path
 import pinocchio as pin
 
 
-def _folder() -> Path:
-    package = Path(__file__).resolve().parents[1]
-    inside = package / "urdf"
-    return inside if inside.is_dir() else package.parent / "urdf"
-
-
 def machines() -> dict[str, Path]:
     """Return the bundled machines: name -> folder with ``<name>.urdf`` and ``machine.yaml``."""
-    folder = _folder()
-    if not folder.is_dir():
-        return {}
+    package = Path(__file__).resolve().parents[1]
+    folder = next((p / "urdf" for p in (package, package.parent) if (p / "urdf").is_dir()), package)
     return {p.parent.name: p.parent for p in sorted(folder.glob("*/machine.yaml"))}
 
 

@@ -19,7 +19,7 @@ def document(vibration: Vibration) -> dict[str, Any]:
         "frequency": {"value": frequency[0], "se": frequency[1], "unit": "Hz"},
         "damping_ratio": {"value": damping[0], "se": damping[1]},
         "rms": _rms(vibration),
-        "sd": {k: _size(getattr(vibration.motion, f"sd_{k}")) for k in "qva"},
+        "sd": {k: size(getattr(vibration.motion, f"sd_{k}")) for k in "qva"},
         "repeats": {
             "count": len(vibration.runs),
             "servo": vibration.sources,
@@ -37,10 +37,11 @@ def _rms(vibration: Vibration) -> dict[str, float]:
     """Return the size of the reconstructed motion; the angle without its mean."""
     m = vibration.motion
     q = m.q[m.known]
-    return {"q": float(np.std(q)), "v": _size(m.v), "a": _size(m.a)}
+    return {"q": float(np.std(q)), "v": size(m.v), "a": size(m.a)}
 
 
-def _size(x: np.ndarray) -> float:
+def size(x: np.ndarray) -> float:
+    """Return the RMS of what is known."""
     return float(np.sqrt(np.nanmean(np.square(x))))
 
 
@@ -79,7 +80,7 @@ def _run(sensor: Sensor, part: SensorRun) -> dict[str, Any]:
         "gyro_scale": found.scale,
         "gyro_scale_se": found.scale_se,
         "gyro_bias": found.bias.mean(axis=0),
-        "sd": {"q": _size(found.sd_angle), "v": _size(found.sd_velocity), "a": _size(found.sd_acceleration)},
+        "sd": {"q": size(found.sd_angle), "v": size(found.sd_velocity), "a": size(found.sd_acceleration)},
         "quasi_static": {
             "rms": found.quasi_static,
             "sd": found.quasi_static_sd,

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from scipy.signal import welch
 
-from pinotwin.arrays import Floats
+from pinotwin.reconstruction.document import size
 from pinotwin.reconstruction.result import Motion3, Vibration
 from pinotwin.report.blocks import Tile, tiles
 from pinotwin.report.display import DEGREES, rounded
@@ -28,7 +28,7 @@ def vibration_report(found: Vibration) -> str:
     runs, sensors = (f"{n} {word}{'s' if n > 1 else ''}" for n, word in _counts(found))
     given = {
         "found": found,
-        "doubt": _degrees(_size(found.motion.sd_q)),
+        "doubt": _degrees(size(found.motion.sd_q)),
         "tiles_": tiles(_tiles(found)),
         "deflection": _series(found.motion),
         "repeats": _runs(found) if max(n for n, _ in _counts(found)) > 1 else None,
@@ -44,10 +44,6 @@ def _counts(found: Vibration) -> tuple[tuple[int, str], tuple[int, str]]:
     return (len(found.runs), "run"), (len(found.sensors), "IMU")
 
 
-def _size(x: Floats) -> float:
-    return float(np.sqrt(np.nanmean(np.square(x))))
-
-
 def _degrees(x: float, digits: int = 2) -> str:
     return f"{np.degrees(x):.{digits}g}"
 
@@ -56,7 +52,7 @@ def _tiles(found: Vibration) -> list[Tile]:
     m = found.motion
     out = []
     for k, (word, scale) in _SHOWN.items():
-        rms, doubt = _degrees(float(np.nanstd(getattr(m, k))), 3), _degrees(_size(getattr(m, f"sd_{k}")))
+        rms, doubt = _degrees(float(np.nanstd(getattr(m, k))), 3), _degrees(size(getattr(m, f"sd_{k}")))
         out.append(Tile(f"{word} of {found.joint}", f"{rms} {scale.unit} RMS", f"± {doubt} {scale.unit}"))
     (f, f_se), (zeta, zeta_se) = found.frequency, found.damping
     mode, error = rounded(f, f_se)

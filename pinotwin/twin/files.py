@@ -26,7 +26,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import no_urdf_holds, with_inertias
 from pinotwin.machine.yaml_file import read_yaml
-from pinotwin.system.writing import whole_folder, write_bytes, write_text
+from pinotwin.system.writing import write_bytes, write_text
 from pinotwin.twin.misfit import FILE, read_misfit, write_misfit
 from pinotwin.twin.moments import Moments
 from pinotwin.twin.parameters import Parameter, Parameters
@@ -65,13 +65,6 @@ class _Document(TypedDict):
     bodies: NotRequired[list[dict[str, Any]]]
     misfit: NotRequired[dict[str, dict[str, Any]] | None]
     files: dict[str, str]
-
-
-def save(twin: Twin, folder: Path) -> Path:
-    """See :meth:`Twin.save`."""
-    with whole_folder(folder, replaces=(FILE,)) as part:
-        write_twin(twin, part)
-    return folder
 
 
 def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:

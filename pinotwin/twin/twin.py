@@ -19,7 +19,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.given import as_machine
 from pinotwin.motion import Motion
 from pinotwin.notebook import Drawn, Shown
-from pinotwin.system.writing import as_path
+from pinotwin.system.writing import as_path, whole_folder
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.moments import Moments
 from pinotwin.twin.open_loop import OpenLoop
@@ -174,9 +174,11 @@ class Twin(OpenLoop, Drawn):
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml``, ``<name>.urdf`` and two files of arrays into a folder."""
-        from pinotwin.twin.files import save
+        from pinotwin.twin.files import FILE, write_twin
 
-        return save(self, as_path(folder, "folder"))
+        with whole_folder(target := as_path(folder, "folder"), replaces=(FILE,)) as part:
+            write_twin(self, part)
+        return target
 
     @classmethod
     def load(cls, folder: str | Path) -> Twin:

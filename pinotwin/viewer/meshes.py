@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.logs.files.content import BROKEN
 
 Colour = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
@@ -93,19 +94,9 @@ def _scene(path: Path) -> Any:
     from collada.common import DaeError
     from trimesh.exchange.stl import HeaderError
 
-    broken = (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        OSError,
-        RuntimeError,
-        SyntaxError,
-        TypeError,
-        ValueError,
-    )
     try:
         return trimesh.load_scene(path, process=False, group_material=True)
-    except (*broken, DaeError, HeaderError):
+    except (*BROKEN, SyntaxError, DaeError, HeaderError):
         return None
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.machine import Machine
 from pinotwin.system.templates import asset, environment
 from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints, visual_model
@@ -86,18 +87,14 @@ def _body(
         column = {part.index: place.get(part.name, -1) for part in follower.parts}
     joints = []
     for i in range(1, model.njoints):
-        joint = model.joints[i]
-        frame = joint.createData()
-        joint.calc(frame, np.zeros(joint.nq) if joint.nq == 1 else pin.neutral(model)[: joint.nq])
-        S = np.asarray(frame.S).reshape(6, -1)[:, 0]
-        rotary = bool(np.any(S[3:]))
+        rotary, axis = joint_axis(model, i)
         joints.append(
             {
                 "path": f"{root}/{model.names[i]}",
                 "parent": int(model.parents[i]) - 1,
                 "column": column[int(model.idx_vs[i])],
                 "rotary": rotary,
-                "axis": (S[3:] if rotary else S[:3]).tolist(),
+                "axis": axis.tolist(),
                 "place": model.jointPlacements[i].homogeneous.T.ravel().tolist(),
             }
         )
