@@ -104,12 +104,7 @@ def _with_gravity(
 
 
 def mounting_from_rates(
-    w_link: Floats,
-    gyr: Floats,
-    gravity: tuple[Floats, Floats] | None = None,
-    *,
-    scale: float = 5e-3,
-    bias: float = 0.02,
+    w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None
 ) -> RotationFit:
     """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
 
@@ -121,8 +116,6 @@ def mounting_from_rates(
         w_link: the link's angular velocity from the encoders in the link frame [rad/s], (n, 3).
         gyr: the gyro on the same clock [rad/s], (n, 3).
         gravity: the upward direction in the link and specific force in the sensor, for one axis.
-        scale: prior standard deviation of the gyro's scale errors [-].
-        bias: of its biases [rad/s].
     """
     still = np.linalg.norm(w_link, axis=1) < 1e-3
     centred = gyr - np.median(gyr[still], axis=0) if still.any() else gyr
@@ -136,7 +129,8 @@ def mounting_from_rates(
         turn, stretch = -(1.0 + s)[:, None] * rot.skew(turned), turned[:, :, None] * np.eye(3)
         J = np.concatenate([turn, stretch, np.broadcast_to(np.eye(3), stretch.shape)], axis=2)
         noise = np.mean(e**2)
-        prior = noise * np.repeat([0.0, scale**-2, bias**-2], 3)
+        # standard deviations of the gyro's scale errors [-] and biases [rad/s]
+        prior = noise * np.repeat([0.0, 5e-3**-2, 0.02**-2], 3)
         A = np.einsum("nki,nkj->ij", J, J) + np.diag(prior)
         dx = np.linalg.solve(A, np.einsum("nki,nk->i", J, e) - prior * np.r_[np.zeros(3), s, b])
         R, s, b = rot.to_matrix(rot.exp(dx[:3])) @ R, s + dx[3:6], b + dx[6:]

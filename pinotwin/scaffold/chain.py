@@ -103,16 +103,11 @@ def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
             parent = f"{axis}_link"
     urdf = yourdfpy.URDF(robot=robot, build_scene_graph=False, load_meshes=False)
     root = urdf.write_xml().getroot()
-    root.insert(
-        0,
-        etree.Comment(f" Written by `pinotwin new`: {_sides(chain)}. Masses and sizes are starting values. "),
-    )
+    tool, work = (" ".join(axes) or "nothing" for axes in (chain.tool, chain.work))
+    sides = f"{tool} under the tool, {work} under the workpiece, from the base outward"
+    said = f" Written by `pinotwin new`: {sides}. Masses and sizes are starting values. "
+    root.insert(0, etree.Comment(said))
     return bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
-
-
-def _sides(chain: Chain) -> str:
-    tool = f"{' '.join(chain.tool) or 'nothing'} under the tool"
-    return f"{tool}, {' '.join(chain.work) or 'nothing'} under the workpiece, from the base outward"
 
 
 def kind_of(axis: str) -> str:

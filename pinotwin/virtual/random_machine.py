@@ -55,7 +55,9 @@ def write_random_machine(folder: Path, seed: int) -> Path:
     listed: dict[str, dict[str, Any]] = {part.name: {"joint": part.name} for part in parts}
     machine = {"name": name, "urdf": f"{name}.urdf", "axes": listed}
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.urdf").write_text(_urdf(name, parts), encoding="utf-8")
+    body = "".join(_xml(part, parts) for part in parts)
+    text = f'<?xml version="1.0"?>\n<robot name="{name}">\n<link name="base_link"/>\n{body}</robot>\n'
+    (folder / f"{name}.urdf").write_text(text, encoding="utf-8")
     _write(folder, machine, sealed)
     # Friction is set against the effort that an axis needs, which the whole tree decides.
     scales = VirtualMachine.load(folder).scales
@@ -183,11 +185,6 @@ def _controller(rng: np.random.Generator) -> dict[str, Any]:
         poles = [float(rng.uniform(*x)) for x in ((40.0, 60.0), (7.0, 12.0), (0.6, 0.9))]
         own = {"kind": "pid", "poles": poles}
     return {**own, "acceleration_feedforward": forward}
-
-
-def _urdf(name: str, parts: list[Part]) -> str:
-    body = "".join(_xml(part, parts) for part in parts)
-    return f'<?xml version="1.0"?>\n<robot name="{name}">\n<link name="base_link"/>\n{body}</robot>\n'
 
 
 def _xml(part: Part, parts: list[Part]) -> str:
