@@ -128,7 +128,9 @@ def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Ht
     rows: list[list[object]] = []
     for axis, servo in servos.items():
         told, determined = servo.intervals(), servo.determined()
-        both = {k: x for k, x in servo.combined().items() if k in told and not _each(servo, determined)}
+        gains = ("ffv",) if servo.form == "pid" else ("kp", "rate")  # what a combination is made of
+        known = all(determined.get(name, True) for name in gains)
+        both = {} if known else {k: x for k, x in servo.combined().items() if k in told}
         for name, value in {**servo.named(), **both}.items():
             factor, unit = (1e3, "ms") if name in SHAPES else (1.0, "")
             low, high = (factor * x for x in told.get(name, (value, value)))
@@ -146,11 +148,6 @@ def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Ht
                 between = "" if math.isnan(low) else f"{low:.4g} to {high:.4g}"
                 rows.append(["", name, shown, between, ""])
     return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
-
-
-def _each(servo: Servo, determined: Mapping[str, bool]) -> bool:
-    """Whether each of the gains that a combination is made of is determined by itself."""
-    return all(determined.get(name, True) for name in (("ffv",) if servo.form == "pid" else ("kp", "rate")))
 
 
 def _remark(servo: Servo, name: str, determined: Mapping[str, bool]) -> Html:

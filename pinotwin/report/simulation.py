@@ -29,10 +29,7 @@ from pinotwin.twin import Twin
 GRADES = {
     "within misfit": ("good", "no larger than the simulation error on held-out data of the twin"),
     "above misfit": ("fair", "above that error, as on a motion unlike those of the twin's data"),
-    "far above misfit": (
-        "bad",
-        "the machine has changed, or the motion is outside the twin's data",
-    ),
+    "far above misfit": ("bad", "the machine has changed, or the motion is outside the twin's data"),
     "not judged": ("", "nothing was measured, or there is no validation error to compare with"),
 }
 """Grade of a simulated signal -> colour of its chip, and what it says."""
