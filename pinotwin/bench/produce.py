@@ -102,9 +102,8 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
         )
         alone = [run(one, path) for one in every]
     machine = sealed.machine if case.situation == "structure" else None
-    sizes = tuple(
-        _size(one[0], r, clean, noise, (machine, well)) for one, r in zip(case.effects, alone, strict=True)
-    )
+    pairs = zip(case.effects, alone, strict=True)
+    sizes = tuple(_size(one[0], r, clean, noise, (machine, well)) for one, r in pairs)
     rho = over(powers(seen.minus(clean)), noise)
     plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
     courses = tuple(_course(one, clean) for one in alone) if plant else ()

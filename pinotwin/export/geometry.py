@@ -28,22 +28,22 @@ def geometry_of(path: Path, model: pin.Model) -> Geometry:
     """Return the visual shapes of a URDF, placed in the joints of the model."""
     root = read_tree(path)
     resolve_meshes(root, path)
-    out = Geometry({}, [], 0)
-    lost = 0
+    shapes = dict[int, list[dict[str, str]]]()
+    meshes, lost = list[dict[str, str]](), 0
     for link in root.findall("link"):
         name = str(link.get("name"))
         if not model.existFrame(name, pin.FrameType.BODY):
             continue
         frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
         for visual in link.findall("visual"):
-            shape = _shape(visual, out.meshes)
+            shape = _shape(visual, meshes)
             if shape is None:
                 lost += 1
                 continue
             at = pin.SE3(frame.placement) * _origin(visual.find("origin"))
             shape |= {"pos": numbers(at.translation), "quat": quaternion(at.rotation)}
-            out.shapes.setdefault(int(frame.parentJoint), []).append(shape)
-    return Geometry(out.shapes, out.meshes, lost)
+            shapes.setdefault(int(frame.parentJoint), []).append(shape)
+    return Geometry(shapes, meshes, lost)
 
 
 def _origin(element: etree._Element | None) -> pin.SE3:

@@ -28,9 +28,8 @@ from pinotwin.imu import rotation as rot
 from pinotwin.imu.ekf import ekf
 from pinotwin.imu.kalman import LinearModel
 
-_E, _V, _P, _B, _K, _A, _G = (
-    slice(*x) for x in pairwise((0, 3, 6, 9, 12, 21, 24, 25))
-)  # places of the states
+# places of the states
+_E, _V, _P, _B, _K, _A, _G = (slice(*x) for x in pairwise((0, 3, 6, 9, 12, 21, 24, 25)))
 _SIZE = 25
 
 
@@ -66,12 +65,7 @@ class _Nominal:
     g: float
 
 
-def offline_orientation(
-    gyr: Floats,
-    acc: Floats,
-    rate: float,
-    rule: rot.Rule = "mean",
-) -> Floats:
+def offline_orientation(gyr: Floats, acc: Floats, rate: float, rule: rot.Rule = "mean") -> Floats:
     """Return quaternions (n, 4), sensor to earth, heading as at the start.
 
     Arguments as of :func:`pinotwin.imu.orientation.orientation`; the bounds suit hand-held and

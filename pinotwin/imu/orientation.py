@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -41,5 +41,4 @@ def orientation(
         if rule != "mean":
             gyr = np.concatenate([gyr[:1], rot.increments(gyr, 1.0 / rate, rule) * rate])
         return np.asarray(offlineVQF(np.ascontiguousarray(gyr), acc, None, 1.0 / rate)["quat6D"])
-    known = ("ekf", "smoother", "vqf", "offline")
-    raise DataError(f"unknown method {method!r}; {nearest(method, known)}")
+    raise DataError(f"unknown method {method!r}; {nearest(method, get_args(Method))}")

@@ -66,15 +66,8 @@ class LoopData:
         self._check()
 
     def _check(self) -> None:
-        channels = {
-            "qr": self.qr,
-            "d": self.d,
-            "vr": self.vr,
-            "ar": self.ar,
-            "outputs": self.outputs,
-        }
-        for name, values in channels.items():
-            if not all(np.isfinite(values[s]).all() for s in self.segments):  # type: ignore[index]
+        for name in ("qr", "d", "vr", "ar", "outputs"):
+            if not all(np.isfinite(getattr(self, name)[s]).all() for s in self.segments):
                 raise DataError(
                     f"{self.axis}: {name} has NaN or infinite samples inside a segment; "
                     "split the segments around the gap"
@@ -105,12 +98,11 @@ class LoopData:
         """Return the loop of one axis of a prepared log: its command, e and u, and a disturbance (n,)."""
         if motion.qr is None:
             raise DataError(f"{motion.source}: no command in the log")
-        e = motion.error[:, joint]
         return cls(
             step=motion.step,
             qr=motion.qr[:, joint],
             d=d,
-            outputs=np.stack([e, motion.u[:, joint]], axis=1),
+            outputs=np.stack([motion.error[:, joint], motion.u[:, joint]], axis=1),
             segments=motion.segments,
             axis=motion.names[joint],
         )
@@ -132,8 +124,7 @@ class LoopData:
                 f"{self.axis}: the command never moves in this log, so its loop cannot be "
                 "identified; give a log in which the axis moves"
             )
-        groups = [(self.output_names, self.outputs), (self.disturbance_names, self.d)]
-        for names, values in groups:
+        for names, values in ((self.output_names, self.outputs), (self.disturbance_names, self.d)):
             flat = np.flatnonzero(np.ptp(values[inside], axis=0) == 0.0)
             if len(flat):
                 raise DataError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -34,11 +33,10 @@ class ParameterFit:
 
     def row(self) -> dict[str, Any]:
         """Return the cells of a pole table beside name, value and unit."""
-        low, high = self.interval or (math.nan, math.nan)
         return {
             "lower": self.bounds[0],
             "upper": self.bounds[1],
-            "interval": None if self.interval is None else (low, high),
+            "interval": self.interval,
             "at_bound": self.at_bound,
         }
 
@@ -77,7 +75,4 @@ class LoopFit:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the fit that :meth:`to_dict` wrote."""
-        errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
-        rows = msgspec.convert(values["parameters"], tuple[ParameterFit, ...])
-        lists = {k: tuple(values[k]) for k in ("ends", "notes")}
-        return cls(**{**values, **lists, "parameters": rows, "numerator_errors": errors})
+        return msgspec.convert(values, cls)

@@ -14,11 +14,7 @@ from pinotwin.loop.servo import LOST, SHAPES, Servo
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
-from pinotwin.report.closed_loop_plots import (
-    cause_shares_figure,
-    causes_figure,
-    response_figure,
-)
+from pinotwin.report.closed_loop_plots import cause_shares_figure, causes_figure, response_figure
 from pinotwin.report.display import Scale, scale_of
 from pinotwin.report.flexible import flexible_content
 from pinotwin.simulation.score import compare, measured
