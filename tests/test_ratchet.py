@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_362,
+    lines: 55_360,
     module_numbers: 126,
     numbers_without_unit: 314,
     stories: 6,

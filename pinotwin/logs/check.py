@@ -34,9 +34,7 @@ _POSITION = (
     "effort_scale",
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(
-        ("rows_held", "rows_doubled", "rows_lost", "interpolated"), ("effort_strange", "command_late")
-    ),
+    **dict.fromkeys(("rows_held", "rows_doubled", "rows_lost", "interpolated"), ("effort_strange",)),
     "effort_noise": ("loop_unstable",),
     "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),

@@ -49,13 +49,11 @@ def alone(axis: Explained, raw: Floats, fit: Lag) -> Finding | None:
         return finding("effort_stands", channel, level=level, unit="N·m" if axis.rotary else "N")
     if fit.left > 0.9 and memory.max() < 0.2:
         return finding("effort_noise", channel)
-    if is_unsigned(axis, good):
-        return finding("effort_unsigned", channel)
-    return finding("effort_strange", channel) if is_strange(axis, fit) else None
+    return finding("effort_unsigned", channel) if is_unsigned(axis, good) else None
 
 
 def is_strange(axis: Explained, fit: Lag, tries: int = 40, best: float = 0.2) -> bool:
-    """Whether an effort fits its motion no better than when it is moved by many seconds, both ends joined."""
+    """Whether an effort (n,) fits its motion no better than when it is moved by many seconds, both ends joined."""
     n = len(axis.u)
     moved = [axis.left_of(np.roll(axis.u, k)) for k in np.linspace(0.1 * n, 0.9 * n, tries).astype(int)]
     return bool(fit.left > np.quantile(moved, best))

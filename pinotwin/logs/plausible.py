@@ -19,11 +19,11 @@ import numpy as np
 
 from pinotwin.columns import unsized
 from pinotwin.log import Log
-from pinotwin.logs.command import untold
 from pinotwin.logs.effort_alone import (
     Examined,
     alone,
     is_reversed,
+    is_strange,
     is_unsigned,
     late,
     named,
@@ -64,6 +64,7 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
     open_ = {*unsized(log), *(name for name, column in machine.columns.items() if column.found)}
     wrong_sign = list(turned_round(rest, fits))
     out += [*swapped, *late(rest, fits, motion.step), *wrong_sign]
+    out += [finding("effort_strange", f"{x.name}.u") for x in rest if is_strange(x, fits[x.name])]
     for axis in rest:
         if axis.name not in named(wrong_sign) and f"{axis.name}.u" not in open_:
             out += scaled(axis, fits[axis.name])
@@ -86,8 +87,6 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]
     for axis in explained(machine, motion.u, at):
         for what in _of_effort(axis, motion.step) if axis.name in sound else ():
             of.setdefault(what, []).append(axis.name)
-        if untold(motion, machine.axes[axis.name].index, efforts.at.settings):
-            of.setdefault("a command of {0} that is 20 ms late", []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
         of.setdefault(_WORDS[what], []).append(" and ".join(who))
     said = "; ".join(words.format(", ".join(who)) for words, who in of.items())

@@ -19,6 +19,7 @@ class Settings:
         other_speed: RMS difference of a measured speed from the position's, over its RMS, that is another channel's.
         coarse: steps of its encoder over a motion, below which speeds from it are coarse.
         spoiled: share of the rows, from which copies or sentinels spoil a log as a whole.
+        oversampled: share of rows like the row before, from which a log is sampled faster than it is measured.
         twice: share of equal numbers that no two measurements have while they change.
         rescaled: by which a position at rest differs from its command's size, whatever the controller.
         rescaled_sure: standard errors by which that must be known.
@@ -53,6 +54,7 @@ class Settings:
     other_speed: float = 0.5
     coarse: float = 500.0
     spoiled: float = 0.02
+    oversampled: float = 0.3
     twice: float = 0.99
     rescaled: float = 0.02
     rescaled_sure: float = 5.0

@@ -11,7 +11,7 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import kind_of, known, path_of
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.parts import EffectList
-from pinotwin.system.reading import Count, Number, Positive, read, read_keys, schema
+from pinotwin.system.reading import Count, Number, Positive, read, read_keys
 
 _One = Annotated[int, Meta(ge=1)]
 _Harmonics = Annotated[_One | list[_One], Meta(description="a whole number from 1, or a list of them")]
@@ -94,20 +94,6 @@ def types_of(cls: type[Effect]) -> dict[str, Any]:
         number = Number if cls.name not in EFFECTS or key in _SIGNED else Positive
         out[key] = _Harmonics if get_origin(hints[field]) is tuple else kinds.get(hints[field], number)
     return out
-
-
-def effect_schema() -> dict[str, Any]:
-    """Return the JSON Schema of an item of such a list: a name, one name with its settings, or an own effect's."""
-    listed = {name: cls for name, cls in EFFECTS.items() if not cls.unlisted}
-    settings = {
-        name: {
-            "properties": {k: schema(one) for k, one in types_of(cls).items()},
-            "additionalProperties": False,
-        }
-        for name, cls in listed.items()
-    }
-    own = {"type": "string", "pattern": ":"}
-    return {"anyOf": [{"enum": list(listed)}, own, {"type": "object", "properties": settings}]}
 
 
 def effect_spec(effect: Effect) -> Any:

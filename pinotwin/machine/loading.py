@@ -13,13 +13,13 @@ import pinocchio as pin
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine import sections
 from pinotwin.machine.bundled import machines, robots
-from pinotwin.machine.effect_list import effect_schema, effect_spec, make_effects
+from pinotwin.machine.effect_list import effect_spec, make_effects
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, MachineFile, Passive
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import read_yaml
-from pinotwin.system.reading import kinds_of, read, schema
+from pinotwin.system.reading import kinds_of, read
 from pinotwin.system.writing import as_path
 
 DEFAULT_EFFECTS = ("viscous", "coulomb")
@@ -173,17 +173,6 @@ def _axis(place: Mapping[str, Any], stated: Mapping[str, Any]) -> Axis:
     effects = make_effects(listed, place["name"], place["rotary"], f"{where}.effects")
     lead = {"lead": sections.seconds(stated["lead"], f"{where}.lead")} if "lead" in stated else {}
     return Axis(**{**stated, **lead, **place, "effects": effects})
-
-
-def machine_schema() -> dict[str, Any]:
-    """Return the JSON Schema of machine.yaml, for editors that complete and check it."""
-    out: dict[str, Any] = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "machine.yaml of pinotwin",
-    }
-    out |= schema(MachineFile) | {"required": list(_REQUIRED)}
-    out["properties"]["axes"]["additionalProperties"]["properties"]["effects"]["items"] = effect_schema()
-    return out
 
 
 def _check_partners(axes: Mapping[str, Axis]) -> None:

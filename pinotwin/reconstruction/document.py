@@ -41,7 +41,7 @@ def _rms(vibration: Vibration) -> dict[str, float]:
 
 
 def size(x: np.ndarray) -> float:
-    """Return the RMS of what is known."""
+    """Return the RMS of what is known [unit of its channel]."""
     return float(np.sqrt(np.nanmean(np.square(x))))
 
 

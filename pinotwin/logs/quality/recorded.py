@@ -13,6 +13,8 @@ from scipy.ndimage import median_filter
 from pinotwin.arrays import Floats, Mask
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import Finding, finding
+from pinotwin.logs.quality.rows import at_rest
+from pinotwin.logs.settings import USUAL
 from pinotwin.signals import runs
 
 FEW, DRAWN = 3, 0.4
@@ -23,21 +25,17 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
     """Say what became of a bound log while it was recorded."""
     if "t" not in log or len(log) < 20 or not np.isfinite(log.t).all():
         return
-    t = log.t
-    missing = lost_rows(log, axes)
-    if missing.any():
-        said = {"count": int(missing.sum()), "first": float(t[np.argmax(missing > 0.0)])}
-        yield finding("rows_lost", "", **said, places=int((missing > 0.0).sum()))
+    t, missing, same, held = log.t, lost_rows(log, axes), doubled_rows(log), held_rows(log)
     line = max((drawn_rows(log[name]) for axis in axes if (name := f"{axis}.u") in log), default=0.0)
-    drawn = line > DRAWN
-    same = doubled_rows(log)
-    if same.any() and not drawn:
-        yield finding("rows_doubled", "", count=int(same.sum()), first=float(t[np.argmax(same)]))
-    held = held_rows(log)
+    if missing.any():
+        places = np.flatnonzero(missing)
+        yield finding("rows_lost", count=int(missing.sum()), first=float(t[places[0]]), places=len(places))
+    if same.any() and line <= DRAWN:
+        yield finding("rows_doubled", count=int(same.sum()), first=float(t[same][0]))
     if held > 1:
-        yield finding("rows_held", "", count=held)
-    if drawn:
-        yield finding("interpolated", "", percent=100.0 * line)
+        yield finding("rows_held", count=held)
+    if line > DRAWN:
+        yield finding("interpolated", percent=100.0 * line)
     for axis in axes:
         if f"{axis}.u" in log and f"{axis}.q" in log:
             for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
@@ -75,8 +73,8 @@ def doubled_rows(log: Log) -> Mask:
     """Return the rows that repeat the one before in every channel that usually changes, (n,); none if many do."""
     moved = _moved(log, [k for k in log.channels if k != "t"])
     moved = moved[moved.mean(axis=1) > 0.5]
-    same = ~moved.any(axis=0) & (len(moved) >= FEW)
-    return same if FEW <= same.sum() < 0.3 * len(log) else np.zeros_like(same)
+    same = ~moved.any(axis=0) & (len(moved) >= FEW) & ~at_rest(log.channels)
+    return same if FEW <= same.sum() < USUAL.oversampled * len(log) else np.zeros_like(same)
 
 
 def held_rows(log: Log) -> int:
@@ -104,15 +102,7 @@ def drawn_rows(x: Floats) -> float:
 def frozen_rows(
     t: Floats, x: Floats, q: Floats, shortest: float = 0.1, chance: float = 1e-6
 ) -> Iterator[slice]:
-    """Yield the stretches in which a channel (n,) stands still while its axis moves on, longer than chance has it.
-
-    Args:
-        t: time [s], (n,).
-        x: channel, (n,).
-        q: position of the axis, (n,).
-        shortest: stretch [s].
-        chance: of one such stretch in the whole log, by how often two rows are alike otherwise.
-    """
+    """Yield where a channel (n,) stands still for long [s] while its axis moves on, longer than chance has it."""
     span, reach = float(np.ptp(x)), float(np.ptp(q))
     if not (span > 0.0 and reach > 0.0):
         return

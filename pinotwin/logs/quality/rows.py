@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -30,9 +30,9 @@ def row_findings(log: Log, settings: Settings = USUAL, fewest: int = 4) -> Itera
     bad = np.zeros(len(log), dtype=bool)
     if len(measured) >= fewest:
         copies, stale = repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
-        if stale.mean() > settings.spoiled:
+        if stale.mean() > settings.oversampled:
             yield finding("stale_rows", count=int(stale.sum()), rows=len(log))
-        fresh = copies & ~stale & ~_at_rest(measured)
+        fresh = copies & ~stale & ~at_rest(measured)
         if fresh.mean() > settings.spoiled:
             bad |= copies
             said = {"channels": len(measured), "key": _key(log, copies)}
@@ -45,8 +45,8 @@ def row_findings(log: Log, settings: Settings = USUAL, fewest: int = 4) -> Itera
     yield from _shared_state(states, bad)
 
 
-def _at_rest(measured: dict[str, Floats]) -> Mask:
-    """Return the rows where nothing moves, or is told to: what an encoder says there, it may say again."""
+def at_rest(measured: Mapping[str, Floats]) -> Mask:
+    """Return the rows (n,) where nothing moves, or is told to: what an encoder says there, it may say again."""
     rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
     for name, x in measured.items():
         if name.endswith(".q"):
