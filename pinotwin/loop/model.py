@@ -69,6 +69,17 @@ class LoopModel:
         return lay_out(self.structure, self.step, (len(self.disturbances), len(self.outputs)))
 
     @property
+    def real_poles(self) -> tuple[float, ...]:
+        """Values p of the factors s + p of plant and feedback [rad/s]."""
+        return tuple(s.values[0] for s in self.sections if s.order == 1 and not s.feedforward)
+
+    @property
+    def pole_pairs(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (wn [rad/s], zeta [-]) of plant and feedback."""
+        pairs = (s.values for s in self.sections if s.order == 2 and not s.feedforward)
+        return tuple((wn, zeta) for wn, zeta in pairs)
+
+    @property
     def theta(self) -> Floats:
         """Logarithms of the searched poles, in the order of the search, shape (np,)."""
         return np.log([self.sections[p.section].values[p.value] for p in self.layout.parameters])

@@ -17,8 +17,7 @@ from pinotwin.logs.quality.rows import at_rest
 from pinotwin.logs.settings import USUAL
 from pinotwin.signals import runs
 
-FEW, DRAWN = 3, 0.4
-"""Rows from which there is more than a chance, and share of them on lines that no measurement has."""
+FEW, DRAWN = 3, 0.4  # rows beyond chance, and share of them on lines that no measurement has
 
 
 def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
@@ -47,8 +46,7 @@ def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
 
     Lost rows only make steps longer; where as many are shorter they say nothing.
     """
-    t = log["t"]
-    steps, out = np.diff(t), np.zeros(len(t))
+    steps, out = np.diff(log["t"]), np.zeros(len(log))
     vote, weight = np.zeros(len(steps)), np.zeros(len(steps))
     for name in (f"{a}.qr" if f"{a}.qr" in log else f"{a}.q" for a in axes):
         if name not in log or not np.isfinite(log[name]).all():
@@ -82,8 +80,7 @@ def held_rows(log: Log) -> int:
     commands = [k for k in log.channels if k.endswith(".qr")]
     measured = [k for k in log.channels if k != "t" and k not in commands]
     asked, new = (np.asarray(_moved(log, names).any(axis=0)) for names in (commands, measured))
-    fresh = new[asked]
-    share = float(fresh.mean()) if len(fresh) > 20 else 1.0
+    share = float(new[asked].mean()) if asked.sum() > 20 else 1.0
     return round(1.0 / share) if 0.15 < share < 0.7 else 1
 
 
@@ -99,24 +96,16 @@ def drawn_rows(x: Floats) -> float:
     return float(np.mean((bend < 1e-6 * np.std(x)) & moves))
 
 
-def frozen_rows(
-    t: Floats, x: Floats, q: Floats, shortest: float = 0.1, chance: float = 1e-6
-) -> Iterator[slice]:
+def frozen_rows(t: Floats, x: Floats, q: Floats, shortest: float = 0.1) -> Iterator[slice]:
     """Yield where a channel (n,) stands still for long [s] while its axis moves on, longer than chance has it."""
-    span, reach = float(np.ptp(x)), float(np.ptp(q))
-    if not (span > 0.0 and reach > 0.0):
+    if not min(np.ptp(x), np.ptp(q)) > 0.0:
         return
-    same = np.abs(np.diff(x, prepend=np.inf)) <= 1e-9 * span
+    same = np.abs(np.diff(x, prepend=np.inf)) <= 1e-9 * np.ptp(x)
     flat = [x[rows.start] for rows in runs(same)]
     for rows in runs(same):
-        limit = (
-            x[rows.start] in (x.min(), x.max()) and flat.count(x[rows.start]) > 1
-        )  # a drive comes back to its limit
-        if t[rows.stop - 1] - t[rows.start] < shortest or limit:
-            continue
-        others = (int(same.sum()) - (rows.stop - rows.start) + 1.0) / (
-            len(x) - (rows.stop - rows.start) + 2.0
-        )
-        likely = len(x) * others ** float(rows.stop - rows.start) > chance
-        if not likely and np.ptp(q[rows]) > 0.01 * reach:
+        n, value = rows.stop - rows.start, x[rows.start]
+        limit = value in (x.min(), x.max()) and flat.count(value) > 1  # a drive comes back to its limit
+        usual = (int(same.sum()) - n + 1.0) / (len(x) - n + 2.0)  # how often two rows are alike otherwise
+        long = t[rows.stop - 1] - t[rows.start] >= shortest and len(x) * usual**n < 1e-6
+        if long and not limit and np.ptp(q[rows]) > 0.01 * np.ptp(q):
             yield slice(rows.start - 1, rows.stop)
