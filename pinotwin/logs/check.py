@@ -34,7 +34,8 @@ _POSITION = (
     "effort_scale",
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("rows_held", "rows_doubled", "rows_lost", "interpolated"), ("effort_strange",)),
+    **dict.fromkeys(("rows_doubled", "rows_lost"), ("effort_strange",)),
+    **dict.fromkeys(("rows_held", "interpolated"), ("effort_strange", "rows_doubled")),
     "effort_noise": ("loop_unstable",),
     "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),

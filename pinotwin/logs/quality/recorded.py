@@ -1,4 +1,4 @@
-"""What became of a log while it was recorded: rows lost, doubled or held, a slower log drawn through, a frozen channel.
+"""What became of a log while it was recorded: rows lost or held, a slower log drawn through, a frozen channel.
 
 All of it shows in the rows themselves, whatever the machine: a command is smooth, and no two measurements are alike.
 """
@@ -13,8 +13,6 @@ from scipy.ndimage import median_filter
 from pinotwin.arrays import Floats, Mask
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import Finding, finding
-from pinotwin.logs.quality.rows import at_rest
-from pinotwin.logs.settings import USUAL
 from pinotwin.signals import runs
 
 FEW, DRAWN = 3, 0.4  # rows beyond chance, and share of them on lines that no measurement has
@@ -24,21 +22,18 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
     """Say what became of a bound log while it was recorded."""
     if "t" not in log or len(log) < 20 or not np.isfinite(log.t).all():
         return
-    t, missing, same, held = log.t, lost_rows(log, axes), doubled_rows(log), held_rows(log)
+    t, missing, held = log.t, lost_rows(log, axes), held_rows(log)
     line = max((drawn_rows(log[name]) for axis in axes if (name := f"{axis}.u") in log), default=0.0)
     if missing.any():
         places = np.flatnonzero(missing)
         yield finding("rows_lost", count=int(missing.sum()), first=float(t[places[0]]), places=len(places))
-    if same.any() and line <= DRAWN:
-        yield finding("rows_doubled", count=int(same.sum()), first=float(t[same][0]))
     if held > 1:
         yield finding("rows_held", count=held)
     if line > DRAWN:
         yield finding("interpolated", percent=100.0 * line)
-    for axis in axes:
-        if f"{axis}.u" in log and f"{axis}.q" in log:
-            for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
-                yield finding("frozen", f"{axis}.u", start=float(t[rows.start]), end=float(t[rows.stop - 1]))
+    for axis in (a for a in axes if f"{a}.u" in log and f"{a}.q" in log):
+        for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
+            yield finding("frozen", f"{axis}.u", start=float(t[rows.start]), end=float(t[rows.stop - 1]))
 
 
 def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
@@ -53,26 +48,18 @@ def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
             continue
         d = np.diff(log[name])
         around = median_filter(d, 7, mode="nearest")
-        fast = np.abs(around) > 0.1 * np.quantile(np.abs(around), 0.99)
-        scale = np.abs(around[fast]) / max(float(np.abs(around).max()), 1e-300)
+        speed = np.abs(around)
+        fast = speed > 0.1 * np.quantile(speed, 0.99)
+        scale = speed[fast] / max(float(speed.max()), 1e-300)
         vote[fast] += scale * (d[fast] / around[fast] - 1.0)
         weight[fast] += scale
     jump = np.where(weight > 0.0, vote / np.maximum(weight, 1e-300), 0.0)
-    even = steps < 1.5 * float(np.median(steps))
-    whole = np.round(jump)
+    whole, even = np.round(jump), steps < 1.5 * float(np.median(steps))
     longer = even & (whole >= 1.0) & (whole <= 50.0) & (np.abs(jump - whole) < 0.3)
     odd = int(np.sum(np.abs(jump) > 0.3)) - int(longer.sum())
     if longer.sum() >= FEW and longer.sum() > 4 * odd:
         out[1:][longer] = whole[longer]
     return out
-
-
-def doubled_rows(log: Log) -> Mask:
-    """Return the rows that repeat the one before in every channel that usually changes, (n,); none if many do."""
-    moved = _moved(log, [k for k in log.channels if k != "t"])
-    moved = moved[moved.mean(axis=1) > 0.5]
-    same = ~moved.any(axis=0) & (len(moved) >= FEW) & ~at_rest(log.channels)
-    return same if FEW <= same.sum() < USUAL.oversampled * len(log) else np.zeros_like(same)
 
 
 def held_rows(log: Log) -> int:
@@ -98,14 +85,15 @@ def drawn_rows(x: Floats) -> float:
 
 def frozen_rows(t: Floats, x: Floats, q: Floats, shortest: float = 0.1) -> Iterator[slice]:
     """Yield where a channel (n,) stands still for long [s] while its axis moves on, longer than chance has it."""
-    if not min(np.ptp(x), np.ptp(q)) > 0.0:
+    low, high = float(x.min()), float(x.max())
+    if not min(high - low, np.ptp(q)) > 0.0:
         return
-    same = np.abs(np.diff(x, prepend=np.inf)) <= 1e-9 * np.ptp(x)
-    flat = [x[rows.start] for rows in runs(same)]
-    for rows in runs(same):
+    same = np.abs(np.diff(x, prepend=np.inf)) <= 1e-9 * (high - low)
+    stretches, alike, reach = runs(same), int(same.sum()), 0.01 * np.ptp(q)
+    for rows in stretches:
         n, value = rows.stop - rows.start, x[rows.start]
-        limit = value in (x.min(), x.max()) and flat.count(value) > 1  # a drive comes back to its limit
-        usual = (int(same.sum()) - n + 1.0) / (len(x) - n + 2.0)  # how often two rows are alike otherwise
+        usual = (alike - n + 1.0) / (len(x) - n + 2.0)  # how often two rows are alike otherwise
         long = t[rows.stop - 1] - t[rows.start] >= shortest and len(x) * usual**n < 1e-6
-        if long and not limit and np.ptp(q[rows]) > 0.01 * np.ptp(q):
+        back = long and value in (low, high) and sum(x[other.start] == value for other in stretches) > 1
+        if long and np.ptp(q[rows]) > reach and not back:  # a drive comes back to its limit
             yield slice(rows.start - 1, rows.stop)

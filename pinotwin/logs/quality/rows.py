@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,19 +24,12 @@ from pinotwin.signals import runs
 _FEW = 5  # rows over which a rounded position shows which way it moves
 
 
-def row_findings(log: Log, settings: Settings = USUAL, fewest: int = 4) -> Iterator[Finding]:
-    """Say which rows are not to be trusted; with fewer than ``fewest`` measured channels a copy may be chance."""
+def row_findings(log: Log, settings: Settings = USUAL) -> Iterator[Finding]:
+    """Say which rows are not to be trusted."""
     measured, states = _kinds(log)
     bad = np.zeros(len(log), dtype=bool)
-    if len(measured) >= fewest:
-        copies, stale = repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
-        if stale.mean() > settings.oversampled:
-            yield finding("stale_rows", count=int(stale.sum()), rows=len(log))
-        fresh = copies & ~stale & ~at_rest(measured)
-        if fresh.mean() > settings.spoiled:
-            bad |= copies
-            said = {"channels": len(measured), "key": _key(log, copies)}
-            yield finding("copied_rows", count=int(fresh.sum()), rows=len(log), **said)
+    if len(measured) > 2:
+        yield from _repeats(log, measured, bad, settings)
     for name in measured:
         if name.endswith(".q"):
             yield from _jumps(log, name, bad, settings)
@@ -45,8 +38,24 @@ def row_findings(log: Log, settings: Settings = USUAL, fewest: int = 4) -> Itera
     yield from _shared_state(states, bad)
 
 
-def at_rest(measured: Mapping[str, Floats]) -> Mask:
-    """Return the rows (n,) where nothing moves, or is told to: what an encoder says there, it may say again."""
+def _repeats(log: Log, measured: dict[str, Floats], bad: Mask, settings: Settings) -> Iterator[Finding]:
+    """Say which rows repeat others, and mark copies in ``bad``; of three channels a copy elsewhere may be chance."""
+    copies, stale = repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
+    rest, many, enough = _at_rest(measured), stale.mean() > settings.oversampled, len(measured) > 3
+    twice = np.flatnonzero(stale & ~rest)
+    if len(twice) > 2 and not many and "t" in log:
+        yield finding("rows_doubled", count=len(twice), first=float(log.t[twice[0]]))
+    if many and enough:
+        yield finding("stale_rows", count=int(stale.sum()), rows=len(log))
+    fresh = copies & ~stale & ~rest
+    if fresh.mean() > settings.spoiled and enough:
+        bad |= copies
+        said = {"channels": len(measured), "key": _key(log, copies)}
+        yield finding("copied_rows", count=int(fresh.sum()), rows=len(log), **said)
+
+
+def _at_rest(measured: dict[str, Floats]) -> Mask:
+    """Return the rows where nothing moves, or is told to: what an encoder says there, it may say again."""
     rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
     for name, x in measured.items():
         if name.endswith(".q"):
