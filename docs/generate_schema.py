@@ -8,7 +8,7 @@ from typing import Any
 
 from pinotwin.effects import EFFECTS
 from pinotwin.machine.effect_list import types_of
-from pinotwin.machine.loading import _REQUIRED, MachineFile
+from pinotwin.machine.loading import REQUIRED, MachineFile
 from pinotwin.system.reading import schema
 
 
@@ -18,7 +18,7 @@ def machine_schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "machine.yaml of pinotwin",
     }
-    out |= schema(MachineFile) | {"required": list(_REQUIRED)}
+    out |= schema(MachineFile) | {"required": list(REQUIRED)}
     out["properties"]["axes"]["additionalProperties"]["properties"]["effects"]["items"] = effect_schema()
     return out
 

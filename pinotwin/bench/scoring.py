@@ -117,13 +117,15 @@ def top_rows(single: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
     """Return how often the first answer is right."""
     faint = [a for a in single if FAINT <= a.size < VISIBLE]
     merged = "classes merged as physics and the diagnosis say"
-    moves = "their true course moves the effort by the detection limit, beside the model"
+    moves = "their true course moves the effort by what the rules ask for, beside the model"
     return [
         _share(
             "top-1 effect and axis, rho ≥ 0.1", visible, Answer.right, Bound(0.85), Bound(0.95), note=merged
         ),
         _share("… unmerged, rho ≥ 0.1", visible, lambda a: a.right(strict=True)),
-        _share("… of those that an oracle sees", _seen(visible), Answer.right, note=moves),
+        _share(
+            "… of those that an oracle sees while the axis moves", _seen(visible), Answer.right, note=moves
+        ),
         _share("… among the first two", visible, lambda a: a.right() or a.right(1)),
         _share(
             "… axis right",
@@ -148,7 +150,7 @@ def size_rows(visible: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
 def _seen(answers: Sequence[Answer], least: float = 1.0) -> list[Answer]:
     """Return those of which an oracle sees every effect (of the controller's own: it does not look).
 
-    Below ``least`` of the detection limit not even the true course of an effect is named.
+    Below ``least`` of what the rules of the diagnosis ask for, not even the true course of an effect is named.
     """
     return [a for a in answers if a.oracle is None or a.oracle >= least]
 

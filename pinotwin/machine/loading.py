@@ -26,7 +26,7 @@ DEFAULT_EFFECTS = ("viscous", "coulomb")
 GRAVITY = MachineFile.gravity
 """Acceleration of gravity of a machine that stands on the floor, in the axes of the URDF's root [m/s²]."""
 KEYS, AXIS_KEYS = tuple(kinds_of(MachineFile)), tuple(kinds_of(Axis))
-_REQUIRED = ("name", "urdf", "axes")
+REQUIRED = ("name", "urdf", "axes")
 
 
 def load_machine(path: str | Path) -> Machine:
@@ -80,7 +80,7 @@ def build(spec: dict[str, Any], file: Path) -> Machine:
 
 def _machine(spec: dict[str, Any], path: Path) -> Machine:
     file = read(spec, MachineFile, "")
-    for key in _REQUIRED:
+    for key in REQUIRED:
         if not file.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
     laws = {name: axis.pop("effort", file.get("effort")) for name, axis in file["axes"].items()}

@@ -20,7 +20,7 @@ from pinotwin.machine.given import as_machine
 from pinotwin.motion import Motion
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path, whole_folder
-from pinotwin.twin.misfit import Misfit
+from pinotwin.twin.misfit import FILE, Misfit
 from pinotwin.twin.moments import Moments
 from pinotwin.twin.open_loop import OpenLoop
 
@@ -174,7 +174,7 @@ class Twin(OpenLoop, Drawn):
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml``, ``<name>.urdf`` and two files of arrays into a folder."""
-        from pinotwin.twin.files import FILE, write_twin
+        from pinotwin.twin.files import write_twin
 
         with whole_folder(target := as_path(folder, "folder"), replaces=(FILE,)) as part:
             write_twin(self, part)
