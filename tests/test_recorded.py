@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.logs.quality.recorded import recorded_findings
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 KINDS = {
@@ -66,6 +67,15 @@ def test_a_fault_of_the_recording_is_named(kind):
 def test_a_whole_log_has_none(seed):
     codes = {f.code for f in pt.check("trunnion", _log(seed)).findings}
     assert not codes & set(KINDS.values())
+
+
+def test_a_coarse_effort_that_stands_at_constant_speed_is_not_frozen():
+    t = np.arange(0.0, 20.0, 2e-3)
+    v = np.clip(2.0 * np.sin(0.8 * t), -1.0, 1.0)  # constant speed for most of the time
+    q = np.cumsum(v) * 2e-3
+    u = 3.0 * np.gradient(v, t) + 2.0 * np.sign(v) + 0.02 * np.random.default_rng(1).normal(size=len(t))
+    log = pt.Log({"t": t, "X.qr": q, "X.q": np.round(q, 6), "X.u": np.round(u, 1)})
+    assert [f.code for f in recorded_findings(log, ["X"])] == []
 
 
 SPOILT = Path(__file__).resolve().parents[2] / "shared" / "cases" / "robust" / "trunnion"

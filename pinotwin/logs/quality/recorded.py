@@ -92,8 +92,8 @@ def frozen_rows(t: Floats, x: Floats, q: Floats, shortest: float = 0.1) -> Itera
     stretches, alike, reach = runs(same), int(same.sum()), 0.01 * np.ptp(q)
     for rows in stretches:
         n, value = rows.stop - rows.start, x[rows.start]
-        usual = (alike - n + 1.0) / (len(x) - n + 2.0)  # how often two rows are alike otherwise
-        long = t[rows.stop - 1] - t[rows.start] >= shortest and len(x) * usual**n < 1e-6
+        usual = (alike - n + 1.0) / (len(x) - n + 2.0)  # share of other rows alike: most of a coarse effort
+        long = t[rows.stop - 1] - t[rows.start] >= shortest and usual < 0.5 and len(x) * usual**n < 1e-6
         back = long and value in (low, high) and sum(x[other.start] == value for other in stretches) > 1
         if long and np.ptp(q[rows]) > reach and not back:  # a drive comes back to its limit
             yield slice(rows.start - 1, rows.stop)
