@@ -36,10 +36,7 @@ class KilledWorker(Exception):
 
 @contextmanager
 def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
-    """Yield what works on items as they come, each with its result or its exception, in so many processes.
-
-    One works in this process, unless it is to be ``apart``: then it may die without this one.
-    """
+    """Yield what works on items, each with result or exception, in so many processes; one is this, unless ``apart``."""
     if workers <= 1 and not apart:
         with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a process's future does
             yield lambda function, items, end: _work([_Worker(lambda: pool)], function, items, end)

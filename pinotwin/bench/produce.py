@@ -60,10 +60,7 @@ def produce(case: Case, *, seconds: float = 8.0) -> Produced:
 
 
 def path_of(machine: str, seconds: float, seed: int, tries: int = 6) -> Trajectory:
-    """Return the command with a seed: of a few, the one whose laziest axis moves most.
-
-    It depends on the limits of the machine alone.
-    """
+    """Return the command with a seed: of a few of this machine, the one whose laziest axis moves most."""
     healthy = virtual(machine)
     drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL) for k in range(tries)]
     return max(drawn, key=lambda path: _way(healthy, path))

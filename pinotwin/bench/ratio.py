@@ -88,10 +88,7 @@ def left_of(
     noise: Powers,
     rows: int = 1200,
 ) -> dict[str, float]:
-    """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
-
-    The columns are taken at their true shapes along a run, at so many rows.
-    """
+    """Return the power of an effort over the noise [-] that a machine's true columns leave at some rows of a run."""
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
     efforts = {f"{a}.u": of["u"] for a, of in difference.items()}
     motion = prepare(machine, Log({**along.log, **efforts}))

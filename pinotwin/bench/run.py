@@ -89,10 +89,7 @@ def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagn
 
 
 def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -> list[Answer]:
-    """Return the answers of the cases that were reached, in their order; those in the folder are not run again.
-
-    ``report`` is called with the stage and the share done.
-    """
+    """Return the answers of the cases reached, in order, those in the folder as they are; tell ``report`` the share."""
     plan.folder.mkdir(parents=True, exist_ok=True)
     keys = {plan.key(case): case for case in cases}
     done = {k: a for k, a in written(plan.file).items() if k in keys}

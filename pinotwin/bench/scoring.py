@@ -148,10 +148,7 @@ def size_rows(visible: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
 
 
 def _seen(answers: Sequence[Answer], least: float = 1.0) -> list[Answer]:
-    """Return those of which an oracle sees every effect (of the controller's own: it does not look).
-
-    Below ``least`` of what the rules of the diagnosis ask for, not even the true course of an effect is named.
-    """
+    """Return those of which an oracle sees every effect, at ``least`` so well; it sees no controller's own."""
     return [a for a in answers if a.oracle is None or a.oracle >= least]
 
 

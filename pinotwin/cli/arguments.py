@@ -136,10 +136,7 @@ def _options(annotation: Any, default: Any) -> dict[str, Any]:
 
 
 def check_outputs(values: Mapping[str, Any], written: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuse results that cannot be written before the work for them is done.
-
-    ``written`` has for an argument ``file`` or ``folder``, with what a file is and the endings that it may have.
-    """
+    """Refuse results that cannot be written before the work; ``written``: argument -> file or folder, its endings."""
     for name, tags in written.items():
         path = values[name]
         if isinstance(path, str) and tags[:1] == ("folder",):

@@ -86,10 +86,7 @@ def _compiling() -> Iterator[None]:
 
 
 def compile_steppers() -> None:
-    """Compile what closed loops are stepped with, which numba keeps on the disk: half a minute, once.
-
-    The bodies of a machine as drawn are held at rest for some samples, by transfer functions and by controllers.
-    """
+    """Compile what closed loops are stepped with, on a machine at rest: half a minute, once; numba keeps it."""
     from dataclasses import replace
 
     import numpy as np

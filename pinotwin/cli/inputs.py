@@ -94,10 +94,7 @@ def check_twin(given: str) -> None:
 
 
 def read_logs(arguments: Sequence[str], large: float = 3e7) -> list[Log]:
-    """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files.
-
-    From ``large`` bytes on, a second or so, the reading is shown by a bar.
-    """
+    """Read every log, those of ``large`` bytes with a bar; of ``a.csv+b.csv`` the columns lie in two files."""
     from pinotwin.logs.files import read_argument
 
     sizes = [sum(map(os.path.getsize, filter(os.path.isfile, files_of(text)))) for text in arguments]

@@ -194,10 +194,7 @@ def _fine(
     placed: list[tuple[slice, float, float]],
     s: SyncSettings,
 ) -> tuple[Floats, Floats, Floats, float]:
-    """Return pivots, t_ref there and the skew, their covariance, and the RMS residual, by Gauss-Newton.
-
-    The gains are linear.
-    """
+    """Return pivots, t_ref there, skew, their covariance, and the RMS residual, by Gauss-Newton with linear gains."""
     grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)
     spline = CubicSpline(grid, smooth)
     parts = [_smoothed(t_imu[rows], y[rows], s.smoothing) for rows, _, _ in placed]

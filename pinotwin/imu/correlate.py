@@ -12,10 +12,7 @@ from pinotwin.arrays import Floats
 
 
 def best_lag(a: Floats, b: Floats) -> tuple[float, float]:
-    """Return by how many samples ``b`` begins after ``a`` (parabolic peak) and the coefficient.
-
-    Lags whose overlap is short or hardly varies in either signal do not count.
-    """
+    """Return by how many samples ``b`` begins after ``a`` and the coefficient; short or still overlaps do not count."""
     size = 1 << int(np.ceil(np.log2(len(a) + len(b))))
     A, A2, ones_a = (np.fft.rfft(x, size) for x in (a, a * a, np.ones_like(a)))
     B, B2, ones_b = (np.conj(np.fft.rfft(x, size)) for x in (b, b * b, np.ones_like(b)))

@@ -139,10 +139,7 @@ def ekf(
     smooth: bool = False,
     rule: rot.Rule = "mean",
 ) -> tuple[Floats, Floats]:
-    """Return quaternions (n, 4), sensor to earth, and gyro biases [rad/s], (n, 3), forward only or smoothed.
-
-    Arguments as of :func:`pinotwin.imu.orientation.orientation`.
-    """
+    """Return quaternions (n, 4), sensor to earth, and gyro biases [rad/s], (n, 3); arguments as of ``orientation``."""
     s = EkfSettings() if settings is None else settings
     gyr, acc = np.ascontiguousarray(gyr, dtype=float), np.ascontiguousarray(acc, dtype=float)
     if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3 or len(gyr) < 2:

@@ -90,10 +90,7 @@ def _variance(whitener: Whitener) -> Floats:
 def _filled(
     interval: float, t: Floats, z: Floats, C: Floats, r: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the same on an unbroken clock: where samples are missing their variance is infinite.
-
-    So the smoother carries the mode through a hole, where an interpolation could not.
-    """
+    """Return the same on an unbroken clock: the variance of missing samples is infinite, the smoother bridges them."""
     at = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(t) / interval)))]).astype(int)
     n = at[-1] + 1
     times = np.interp(np.arange(n), at, t)

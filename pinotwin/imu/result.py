@@ -94,10 +94,7 @@ class BatchResult:
 
     @property
     def R_GM_up(self) -> Floats:
-        """The upward direction in the machine frame (a tilted foundation shows here), (3,).
-
-        About the joint's axis it contains the error of the mean deflection, which looks the same.
-        """
+        """Upward in the machine frame, (3,); about the joint's axis it contains the mean deflection's error too."""
         g = self.theta[self.layout["gravity"]]
         return -g / np.linalg.norm(g)
 

@@ -112,10 +112,7 @@ class FineRun:
 
 
 def interpolate(x: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """Return values and slopes (per sample) of samples (n, ...) at fractional indices (m,).
-
-    Cubic through four neighbours; ``x`` must be sampled well above its bandwidth.
-    """
+    """Return values and slopes (per sample) of smooth samples (n, ...) at fractional indices (m,), by local cubics."""
     i = np.clip(np.floor(at).astype(np.intp), 1, len(x) - 3)
     u = (at - i).reshape(-1, *([1] * (x.ndim - 1)))
     p, q, r, s = x[i - 1], x[i], x[i + 1], x[i + 2]

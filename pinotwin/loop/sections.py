@@ -31,10 +31,7 @@ from pinotwin.loop.structure import Section
 
 
 class Discrete(NamedTuple):
-    """Discrete sections, stacked, beside their derivatives by the logarithms of the section's two values.
-
-    A first-order section fills the first of its two states.
-    """
+    """Stacked discrete sections and their derivatives by the logarithms of two values; first order fills one state."""
 
     A: Floats  # value and derivatives, shape (k, 3, 2, 2)
     B: Floats  # weights of the input at start and end of the interval, likewise, shape (k, 2, 3, 2)

@@ -206,10 +206,7 @@ class Servo:
         return [f for f in map(self.with_rate, rates) if f is not None]
 
     def determined(self) -> dict[str, bool]:
-        """Return for every gain and combination whether the log determines it: to :data:`NARROW` of itself.
-
-        The velocity's feed-forward of a cascade, a share of the command's velocity, to that share of 1.
-        """
+        """Return which gains and combinations the log determines: to :data:`NARROW` of itself, a feed-forward of 1."""
         told, out = {**self.named(), **self.combined()}, {}
         for name, (low, high) in self.intervals().items():
             if name not in SHAPES:
@@ -282,10 +279,7 @@ class Servo:
         return control.StateSpace(A, B[:, at], C, D[:, at], inputs=list(inputs), outputs=[output])
 
     def matrices(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return A, B, C, D with inputs e, v, vr, ar and output u (before the dead time).
-
-        States: integral, filtered velocity, current loop, two of the notch; those not needed are left out.
-        """
+        """Return A, B, C, D from e, v, vr, ar to u before the dead time; states: integral, velocity, current, notch."""
         k_e, k_i, k_v, k_vr, k_w, k_ar = self.gains
         A, B = np.zeros((5, 5)), np.zeros((5, 4))
         B[0] = [k_i, 0.0, k_w, 0.0]

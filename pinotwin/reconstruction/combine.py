@@ -21,10 +21,7 @@ _KINDS = (("angle", "sd_angle"), ("velocity", "sd_velocity"), ("acceleration", "
 
 
 def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return the mean of runs on one clock, (n, ...) each, weighted by their standard deviations (broadcast).
-
-    Also its own standard deviation, (n, ...), and that between runs, one number per channel: the noise ceiling.
-    """
+    """Return the mean of runs (n, ...), weighted by their errors, its own standard deviation, and that between runs."""
     if len(runs) < 2 or len({np.shape(r) for r in runs}) != 1:
         raise DataError("averaging needs at least two runs of one length, on one clock")
     x = np.stack([np.asarray(r, dtype=float) for r in runs])

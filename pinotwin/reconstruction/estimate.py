@@ -146,11 +146,7 @@ class _Job:
 def _notes(
     sensors: Sequence[Sensor], runs: Sequence[Motion3], *, faint: float = 6.0, loose: float = 0.1
 ) -> tuple[str, ...]:
-    """Return what a user should know.
-
-    The mode is doubtful where the deflection's velocity is below ``faint`` standard deviations, the mounting where
-    its own is above ``loose`` [deg].
-    """
+    """Say where the mode is doubtful (below ``faint`` standard deviations) or the mounting (above ``loose`` [deg])."""
     out = []
     for sensor in sensors:
         speed, sd = sensor.batch.seen

@@ -71,10 +71,7 @@ def gap_figure(given: Traces, rotary: bool) -> go.Figure:
 
 
 def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
-    """Return the amplitude spectrum of log minus model over the longest unbroken stretch, in windows of 2 s.
-
-    Welch 1967, doi:10.1109/TAU.1967.1161901.
-    """
+    """Return the amplitude spectrum (Welch 1967) of log minus model over the longest stretch, in windows of 2 s."""
     step = np.diff(given.t)
     usual = float(np.median(step))
     stretch = longest(step > 1.5 * usual)

@@ -78,10 +78,7 @@ def percent(x: float) -> str:
 
 
 def rounded(value: float, error: float) -> tuple[str, str]:
-    """Return value and error with two digits of the error, by a power of ten where very large or small.
-
-    ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``; a value that rounds to zero has no sign.
-    """
+    """Return value and error with two digits of the error: ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``."""
     if not (math.isfinite(error) and error > 0.0):
         return f"{value:.6g}", ""
     exponent = math.floor(math.log10(max(abs(value), error)))

@@ -202,10 +202,7 @@ def against_figure(
     size: Floats,
     points: int = 1500,
 ) -> go.Figure:
-    """Return efforts over position or speed with the medians of forty bins; of one cloud also its middle half.
-
-    ``series``: name, values [SI] of shape (m,) as ``x``, and colour of each; ``size`` sets the unit.
-    """
+    """Return efforts over position or speed, with medians of forty bins; ``series``: name, values [SI] (m,), colour."""
     across = scale_of("v" if against == "velocity" else "q", rotary, x)
     up = scale_of("u", rotary, size)
     rows, single = some_rows(len(x), points=points), len(series) == 1

@@ -64,10 +64,7 @@ def orientation_page(
 
 
 def roll_pitch_heading(q: Floats) -> Floats:
-    """Return roll about x, pitch about y and heading about the vertical [deg] (n, 3) of quaternions (n, 4).
-
-    R = Rz(heading) Ry(pitch) Rx(roll); the heading is counted from the first sample, whole turns added up.
-    """
+    """Return roll x, pitch y and heading from the first sample on [deg], (n, 3): quaternions (n, 4) of Rz Ry Rx."""
     R = rot.to_matrix(q)
     roll = np.unwrap(np.arctan2(R[:, 2, 1], R[:, 2, 2]))
     pitch = -np.arcsin(np.clip(R[:, 2, 0], -1.0, 1.0))

@@ -28,10 +28,7 @@ BESIDE = {
 
 
 def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
-    """Write a diagnosis into an empty folder: JSON, page, picture, machine with the causes, advised commands.
-
-    Returns what went wrong with the picture, one line each: it never costs the diagnosis.
-    """
+    """Write a diagnosis and what lies beside it into an empty folder; return what went wrong with the picture alone."""
     found = dated(found)
     write_json(folder / "diagnosis.json", found.to_dict())
     if found.effects and machine_of(found) is not None:

@@ -56,10 +56,7 @@ def simulation_report(
     files: Sequence[tuple[str, str]] = (),
     made: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return the page of a simulated command, with what was measured if anything was, as one HTML text.
-
-    ``files``: name and content of what lies beside it; ``made``: ``date``, ``seconds_taken``, further ``options``.
-    """
+    """Return the page of a simulated command and its log, as HTML; ``files``: content by name, ``made``: how."""
     machine, known = twin.machine, dict(made or {})
     log = bound(machine, log)
     scores = compare(machine, log, predicted)

@@ -78,10 +78,7 @@ def _stretches(x: Floats, segments: Segments) -> Sequence[slice]:
 
 
 def differentiate(x: Floats, step: float, segments: Segments = None) -> Floats:
-    """Return the time derivative of ``x``, (n,) or (n, k), by central differences; ``step`` in [s].
-
-    One-sided at the ends of a stretch; rows outside become NaN.
-    """
+    """Return the time derivative of ``x``, (n,) or (n, k), by central differences; ``step`` [s]; NaN outside."""
     x = np.asarray(x, dtype=float)
     out = np.full_like(x, np.nan)
     for part in _stretches(x, segments):

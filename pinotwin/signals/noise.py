@@ -25,10 +25,7 @@ def roughness(parts: Iterable[Floats]) -> float:
 
 
 def burg(stretches: Sequence[Floats], order: int) -> tuple[Floats, float]:
-    """Return a_1 ... a_p common to several stretches, shape (<= order,), and the variance of w.
-
-    The mean is removed from each stretch, (m,); there are fewer coefficients where all are too short.
-    """
+    """Return a_1 ... a_p, shape (<= order,), and the variance of w, common to stretches (m,) less their mean."""
     count = sum(len(x) for x in stretches)
     variance = sum(float(x @ x) for x in stretches) / max(count, 1)
     forward = [x[1:] for x in stretches if len(x) > 1]

@@ -42,10 +42,7 @@ class Lookup(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What is asked of the machine, one row a sample.
-
-    The load is external loads less effects without a table.
-    """
+    """What is asked of the machine, one row a sample; its load is external loads less effects without a table."""
 
     qr: Floats  # command, shape (n, nv)
     vr: Floats  # its velocity at the samples; between them the command is cubic, shape (n, nv)

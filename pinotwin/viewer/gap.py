@@ -44,10 +44,7 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
 
 
 def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.05) -> Tracks:
-    """Return a playback of the first log from its time ``begin`` [s] on, with the residual that the causes leave.
-
-    It is drawn within ``near`` [s] of a row that was judged, of axes with a named cause.
-    """
+    """Return a playback from ``begin`` [s] on with the residual that causes leave ``near`` [s] judged rows."""
     named = {str(e.axis) for e in found.effects}
     series = {name: dict(held) for name, held in tracks.series.items()}
     for trace in found.traces:

@@ -49,10 +49,7 @@ class Page:
         return _packed(_SCRIPT.read_bytes())
 
     def commands(self) -> tuple[str, str]:
-        """Return all commands as one compressed text, and each as pieces of it in JSON; the same in every run.
-
-        Shapes are numbered, where meshcat names them at random; an array that is drawn twice lies in the text once.
-        """
+        """Return all commands as one compressed text, the same in every run, and each as pieces of it in JSON."""
         pool, held, known = bytearray(), dict[bytes, list[int]](), dict[str, str]()
         commands = []
         for message in self.messages.values():

@@ -116,10 +116,7 @@ def draw(
     masses: bool = False,
     name: str | None = None,
 ) -> Scene:
-    """Draw a machine at a posture q (nq,), or at zero, by its own name or another.
-
-    ``frames``: a triad at every joint (x red, y green, z blue); ``masses``: a sphere at every centre of mass.
-    """
+    """Draw a machine at q (nq,) or zero; ``frames``: triads (x red, y green, z blue), ``masses``: spheres."""
     q = np.asarray(pin.neutral(model) if q is None else q, dtype=float)
     drawn = Scene(model, visual, Page(), q, name or model.name)
     points = corners(model, visual, q)

@@ -88,10 +88,7 @@ def aim(points: Floats) -> Camera:
 
 
 def set_stage(viewer: meshcat.Visualizer, points: Floats) -> None:
-    """Set light, background, floor and camera for a machine that fills points (n, 3) [m].
-
-    Meshcat's camera orbits the origin alone: the drawing, of which ``viewer`` is the root, is moved to it.
-    """
+    """Set light, background, floor and camera for points (n, 3) [m], moved to the origin that the camera orbits."""
     size, camera = diagonal(points), aim(points)
     to_target = np.eye(4)
     to_target[:3, 3] = -camera.target

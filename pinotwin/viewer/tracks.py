@@ -59,10 +59,7 @@ def _colour(key: str) -> str:
 def tracks_of(
     machine: Machine, motion: Motion, twin: Twin | None = None, edge: int = 10, most: int = 6
 ) -> Tracks:
-    """Return the playback of a motion; with a twin, its effort, the residual and the ``most`` largest effects.
-
-    The residual is not shown ``edge`` rows from either end of a stretch: derivatives are one-sided there.
-    """
+    """Return the playback of a motion; with a twin its effort, residual (``edge`` rows inside), largest effects."""
     rows = np.unique(np.linspace(0, len(motion) - 1, min(POINTS, len(motion))).astype(int))
     parts = {} if twin is None else twin.parts(motion)
     model = None if twin is None else twin.effort(motion)

@@ -16,10 +16,7 @@ N_STATE = 3
 
 @kernel
 def control_step(P, i, s, command, q, period):  # type: ignore[no-untyped-def]
-    """Return the effort command of axis ``i`` and advance its row of ``s``, shape (na, 3).
-
-    ``command`` is position, velocity and acceleration, ``q`` the measured position.
-    """
+    """Return the effort of axis ``i`` by position, velocity, acceleration asked and ``q``; advance ``s``, (na, 3)."""
     qr, vr, ar = command
     e = qr - q
     pid = P[i, c.PID] > 0.5

@@ -55,10 +55,7 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
 def scales(
     cad: pin.Model, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
 ) -> dict[str, Scale]:
-    """Return the reference sizes of every axis over random postures.
-
-    ``joints`` gives the joint of each axis, ``travels`` the ends of every joint's travel [m or rad], shape (nv, 2).
-    """
+    """Return the reference sizes of every axis over random postures in the ``travels`` [m or rad], (nv, 2)."""
     rng = np.random.default_rng(0)
     postures = [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, len(travels)))]
     masses = [inertia_at(cad, q) for q in postures]

@@ -89,10 +89,7 @@ def _slide(z, i, k, push, kept):  # type: ignore[no-untyped-def]
 
 @kernel
 def _elastoplastic(old, v, most, dt):  # type: ignore[no-untyped-def]
-    """Return the deflection [m or rad] after a step of constant speed; ``most`` is the steady one.
-
-    The elastic part of the step is taken first, exactly; the rest with the weight w of its end.
-    """
+    """Return the deflection [m or rad] after a step, elastic part first; ``most`` is that of steady motion."""
     way, breakaway = v * dt, 0.9  # of the steady deflection
     if way == 0.0:
         return old

@@ -153,10 +153,7 @@ class ImuSensor:
 
 
 def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
-    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled.
-
-    Exact for inputs that are straight between samples (first-order hold).
-    """
+    """Return signals (n, k) after a settled second-order Butterworth low-pass, exact for straight inputs."""
     if not np.isfinite(cutoff):
         return x
     analog = butter(2, 2.0 * np.pi * cutoff, analog=True)

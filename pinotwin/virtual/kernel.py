@@ -55,10 +55,7 @@ def position_effort(r, table, grid, i, q, v, time):  # type: ignore[no-untyped-d
 
 @kernel
 def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-untyped-def]
-    """Fill ``room.inverse`` and ``room.bias`` at the midpoint of the coming update.
-
-    ``k`` is the row of ``drive``, ``moment`` the time at the start of the update and half its length [s].
-    """
+    """Fill ``room.inverse`` and ``bias`` mid-update: row ``k`` of ``drive``, ``moment``: its start, half length [s]."""
     time, half = moment
     q, v, a, qh, vh, M, bias = s.q, s.v, s.a, room.qh, room.vh, room.M, room.bias
     joint, ripple, table, grid, nv = axes.joint, axes.ripple, axes.table, axes.grid, len(s.q)

@@ -143,10 +143,7 @@ def slow_reversals(
     speed: float = 0.02,
     repeats: int = 3,
 ) -> Trajectory:
-    """Return slow back-and-forth moves of one axis, of growing stroke: presliding and backlash.
-
-    ``strokes`` are shares of the travel [-], ``speed`` one of the speed limit [-].
-    """
+    """Return slow moves to and fro of one axis, of growing strokes [shares of travel], ``speed`` [of its limit]."""
     low, high = _travel(machine.limits[axis])
     v, a, j = _triple(machine.limits[axis])
     plan = []

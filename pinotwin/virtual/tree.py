@@ -19,10 +19,7 @@ from pinotwin.virtual.rigid import Tree
 
 
 def load_model(urdf: Path, joints: Sequence[str]) -> pin.Model:
-    """Return the model of a URDF with every joint not in ``joints`` locked at zero.
-
-    A file that cannot be read, or a joint that does not exist, is a :class:`MachineError`.
-    """
+    """Return the model of a URDF with every joint not in ``joints`` locked at zero, or a :class:`MachineError`."""
     try:
         model = pin.buildModelFromUrdf(str(urdf))
     except (ValueError, RuntimeError) as error:

@@ -14,10 +14,7 @@ from pinotwin.logs.files.content import Content, damaged, limited
 
 
 def load(path: Path, source: str) -> Content:
-    """Return the columns of a Parquet file; a column's metadata key ``unit`` is its unit.
-
-    Lists are named by ``meta/info.json`` of a LeRobot data set, where it lies above the file.
-    """
+    """Return the columns of a Parquet file and their units; lists as ``meta/info.json`` (LeRobot) names them."""
     content = Content(parts=_parts(path))
     try:
         meta = pq.read_metadata(path)

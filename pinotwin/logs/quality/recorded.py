@@ -37,10 +37,7 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
 
 
 def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
-    """Return how many rows are missing before each, (n,): all axes step by whole samples at once on an even clock.
-
-    Lost rows only make steps longer; where as many are shorter they say nothing.
-    """
+    """Return how many rows are missing before each, (n,): there all axes step by whole samples on an even clock."""
     steps, out = np.diff(log["t"]), np.zeros(len(log))
     vote, weight = np.zeros(len(steps)), np.zeros(len(steps))
     for name in (f"{a}.qr" if f"{a}.qr" in log else f"{a}.q" for a in axes):

@@ -55,10 +55,7 @@ def lattice(x: Floats) -> tuple[float, float] | None:
 
 
 def significant_digits(x: Floats) -> int | None:
-    """Return to how many significant digits the numbers (as in the file) were rounded, or None.
-
-    A fixed step is no such rounding: the step must be finer where the numbers are smaller.
-    """
+    """Return to how many digits the numbers were rounded, None where their steps are no finer for smaller ones."""
     values = np.unique(np.abs(x[np.isfinite(x)][:_MOST]))
     values = values[values > 1e-290]  # what has died away has no digits left
     if len(values) < 10:
