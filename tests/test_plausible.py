@@ -30,6 +30,8 @@ CAUSES = {
     "effort_unsigned",
     "command_is_position",
     "command_disagrees",
+    "command_late",
+    "clock_odd",
     "clock_unit",
     "position_unit",
     "position_scale",

@@ -13,6 +13,8 @@ from pinotwin.logs.quality.recorded import recorded_findings
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 KINDS = {
+    "late": "command_late",
+    "clock": "clock_odd",
     "frozen": "frozen",
     "lost": "rows_lost",
     "doubled": "rows_doubled",
@@ -28,7 +30,7 @@ def _log(seed: int) -> pt.Log:
     return machine.record(random_trajectory(machine, 20.0, seed), seed=seed).to_log()
 
 
-def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:
+def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:  # noqa: C901, one case a kind
     """Return a log of which one kind of fault has been made; of one axis where it is of one."""
     c = {k: log[k].copy() for k in log.channels}
     n, rng, axis = len(c["t"]), np.random.default_rng(seed), "Y"
@@ -36,8 +38,12 @@ def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:
     some = rng.choice(np.arange(1, n), n // 50, replace=False)
     rows = np.arange(n)
     match kind:
+        case "late":
+            c[f"{axis}.qr"] = np.r_[np.full(8, c[f"{axis}.qr"][0]), c[f"{axis}.qr"][:-8]]
         case "frozen":
             c[f"{axis}.u"][int(0.4 * n) : int(0.6 * n)] = c[f"{axis}.u"][int(0.4 * n)]
+        case "clock":
+            c["t"] = 1.01 * c["t"]
         case "lost":
             rows = np.setdiff1d(rows, some)
         case "doubled":
@@ -85,3 +91,15 @@ SPOILT = Path(__file__).resolve().parents[2] / "shared" / "cases" / "robust" / "
 def test_the_log_that_spoils_are_made_of_is_whole():
     codes = {f.code for f in pt.check(pt.Machine.load(SPOILT), SPOILT / "valid.csv").findings}
     assert not codes & set(KINDS.values())
+
+
+@pytest.mark.skipif(not SPOILT.exists(), reason="no shared cases here")
+@pytest.mark.parametrize("rows", [1, 4, 12])
+def test_a_late_command_is_named_with_its_rows(rows):
+    log = pt.read(SPOILT / "valid.csv")
+    late = np.r_[np.full(rows, log["Y.qr"][0]), log["Y.qr"][:-rows]]
+    found = pt.check(
+        pt.Machine.load(SPOILT), log.with_channels({**{k: log[k] for k in log.channels}, "Y.qr": late})
+    )
+    said = [f.message for f in found.findings if f.code == "command_late"]
+    assert [f"({rows} rows)" in text for text in said] == [True]

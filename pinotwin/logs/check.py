@@ -34,8 +34,8 @@ _POSITION = (
     "effort_scale",
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("rows_doubled", "rows_lost"), ("effort_strange",)),
-    **dict.fromkeys(("rows_held", "interpolated"), ("effort_strange", "rows_doubled")),
+    **dict.fromkeys(("rows_doubled", "rows_lost"), ("effort_strange", "command_late")),
+    **dict.fromkeys(("rows_held", "interpolated"), ("effort_strange", "rows_doubled", "command_late")),
     "effort_noise": ("loop_unstable",),
     "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),

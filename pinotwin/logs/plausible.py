@@ -19,6 +19,7 @@ import numpy as np
 
 from pinotwin.columns import unsized
 from pinotwin.log import Log
+from pinotwin.logs.command import untold
 from pinotwin.logs.effort_alone import (
     Examined,
     alone,
@@ -87,6 +88,8 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]
     for axis in explained(machine, motion.u, at):
         for what in _of_effort(axis, motion.step) if axis.name in sound else ():
             of.setdefault(what, []).append(axis.name)
+        if untold(motion, machine.axes[axis.name].index, efforts.at.settings):
+            of.setdefault("a command of {0} that is 20 ms late", []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
         of.setdefault(_WORDS[what], []).append(" and ".join(who))
     said = "; ".join(words.format(", ".join(who)) for words, who in of.items())

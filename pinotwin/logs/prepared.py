@@ -13,6 +13,7 @@ from pinotwin.columns import bind
 from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.logs.channels import finite
+from pinotwin.logs.command import command_findings
 from pinotwin.logs.effort_alone import Examined
 from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without
@@ -69,10 +70,10 @@ class Prepared:
         if not self.quality.ok:
             return tuple(found)
         try:
-            efforts = self.efforts
+            efforts, commands = self.efforts, tuple(command_findings(self.motion, self.settings))
         except InputError as error:
             return (*found, finding("unusable", why=str(error)))
-        return (*found, *(efforts.findings if efforts else ()), *unit_findings(self.log))
+        return (*found, *commands, *(efforts.findings if efforts else ()), *unit_findings(self.log))
 
     @property
     def doubts(self) -> tuple[Finding, ...]:

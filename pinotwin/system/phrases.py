@@ -19,6 +19,8 @@ LOG = {
     "{longest:.4g} s{jump}, first at row {first}; single samples are bridged, the log is cut at longer holes",
     "clock_jitter": "irregular sampling: interval {step:.4g} ms, jitter {rms:.3g} ms rms, {most:.3g} ms at "
     "most; preparation takes the clock that the motion shows",
+    "clock_odd": "rows come every {step:.5g} ms: if the controller's cycle is {cycle:.4g} ms, the clock runs "
+    "{off:+.2g} % off, and so do speeds; an inertia is then off by twice that",
     "slow_rate": "{rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to 100 ms; "
     "friction and gravity can be found, log at 250 Hz or more for the rest",
     # one channel
@@ -81,6 +83,8 @@ LOG = {
     "measured position",
     "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both "
     "units",
+    "command_late": "comes {ms:.3g} ms ({rows} rows) late: the controller acts on it before it is in the log; log "
+    "command and position of one instant",
     "command_disagrees": "command and position do not agree{times}; another unit, sign or axis? check "
     "columns",
     "position_scale": "goes {factor:.4g} times as far as its command, where it rests: another gear, lead or "

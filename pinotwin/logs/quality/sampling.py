@@ -28,11 +28,22 @@ def clock_findings(c: Clock, settings: Settings = USUAL) -> Iterator[Finding]:
     if c.jitter_rms > settings.jitter * c.step:
         scatter = {"rms": 1e3 * c.jitter_rms, "most": 1e3 * c.jitter_max}
         yield finding("clock_jitter", "t", step=1e3 * c.step, **scatter)
+    cycle = usual_cycle(c.step)
+    off = c.step / cycle - 1.0
+    if 0.002 < abs(off) < 0.03:
+        yield finding("clock_odd", "t", step=1e3 * c.step, cycle=1e3 * cycle, off=100.0 * off)
     refused = implausible_clock(c)
     if refused:
         yield finding("clock_unit", "t", why=refused)
     elif c.rate < settings.slow_rate:
         yield finding("slow_rate", "t", rate=c.rate)
+
+
+def usual_cycle(step: float) -> float:
+    """Return the nearest interval that controllers are clocked by [s]: one, two, four, five and such of a decade."""
+    usual = np.array([1.0, 1.25, 1.5, 5.0 / 3.0, 2.0, 2.5, 3.0, 10.0 / 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
+    usual *= 10.0 ** np.floor(np.log10(max(step, 1e-9)))
+    return float(usual[np.argmin(np.abs(np.log(usual / step)))])
 
 
 def implausible_clock(c: Clock) -> str:
