@@ -111,16 +111,13 @@ def servo_modes(
         for _ in range(rounds):
             if k >= len(now):
                 break
-            now = _with_servo(twin, posture, _root(now[k]))
+            zeta = now[k].damping
+            root = 2.0 * np.pi * now[k].frequency * complex(-zeta, np.sqrt(max(1.0 - zeta**2, 1e-6)))
+            now = _with_servo(twin, posture, root)
         if k < len(now) and now[k].damping < critical:
             found.append(now[k])
     ordered = tuple(sorted(found, key=lambda mode: mode.frequency))
     return Modes(begin.names, begin.q, begin.locked, ordered)
-
-
-def _root(mode: Mode) -> complex:
-    zeta = mode.damping
-    return 2.0 * np.pi * mode.frequency * complex(-zeta, np.sqrt(max(1.0 - zeta**2, 1e-6)))
 
 
 def _with_servo(twin: Twin, posture: Mapping[str, float] | None, s: complex) -> Modes:

@@ -22,31 +22,19 @@ from pinotwin.motion import Motion
 
 @dataclass(frozen=True)
 class LoopData:
-    """Inputs and outputs of one axis on one clock; n samples, SI.
+    """Inputs and outputs of one axis on one clock; n samples, SI."""
 
-    Attributes:
-        step: sampling interval [s].
-        qr: position command [m or rad], shape (n,).
-        d: generalised disturbances [N or N·m], shape (n, nd) or (n,); the axis' own first.
-        outputs: shape (n, ny): tracking error, motor effort, and then any structural velocity.
-        segments: stretches of unbroken sampling; the state at the start of each is unknown.
-        vr: velocity of the command; by spline from ``qr`` where absent.
-        ar: acceleration of the command; likewise.
-        axis: name of the axis, for messages and signal names.
-        output_names: names of the outputs.
-        disturbance_names: names of the disturbances.
-    """
-
-    step: float
-    qr: Floats
-    d: Floats
-    outputs: Floats
+    step: float  # sampling interval [s]
+    qr: Floats  # position command [m or rad], shape (n,)
+    d: Floats  # generalised disturbances [N or N·m], shape (n, nd) or (n,); the axis' own first
+    outputs: Floats  # shape (n, ny): tracking error, motor effort, and then any structural velocity
+    # stretches of unbroken sampling; the state at the start of each is unknown
     segments: tuple[slice, ...] = ()
-    vr: Floats | None = None
-    ar: Floats | None = None
-    axis: str = "axis"
-    output_names: tuple[str, ...] = ("e", "u")
-    disturbance_names: tuple[str, ...] = ("d",)
+    vr: Floats | None = None  # velocity of the command; by spline from ``qr`` where absent
+    ar: Floats | None = None  # acceleration of the command; likewise
+    axis: str = "axis"  # name of the axis, for messages and signal names
+    output_names: tuple[str, ...] = ("e", "u")  # names of the outputs
+    disturbance_names: tuple[str, ...] = ("d",)  # names of the disturbances
 
     def __post_init__(self) -> None:
         put = object.__setattr__

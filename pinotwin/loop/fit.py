@@ -11,25 +11,15 @@ import msgspec
 
 @dataclass(frozen=True)
 class ParameterFit:
-    """One searched parameter.
+    """One searched parameter."""
 
-    Attributes:
-        name: ``"p1"``, ``"wn1"``, ``"zeta1"``, ``"pff"``.
-        value: [Hz] or [-].
-        unit: ``"Hz"`` or ``"-"``.
-        bounds: of the search.
-        error: standard error of the logarithm; None at a bound.
-        interval: 95 % interval; None at a bound.
-        at_bound: ``"lower"``, ``"upper"`` or None.
-    """
-
-    name: str
-    value: float
-    unit: str
-    bounds: tuple[float, float]
-    error: float | None
-    interval: tuple[float, float] | None
-    at_bound: str | None
+    name: str  # ``"p1"``, ``"wn1"``, ``"zeta1"``, ``"pff"``
+    value: float  # [Hz] or [-]
+    unit: str  # ``"Hz"`` or ``"-"``
+    bounds: tuple[float, float]  # of the search
+    error: float | None  # standard error of the logarithm; None at a bound
+    interval: tuple[float, float] | None  # 95 % interval; None at a bound
+    at_bound: str | None  # ``"lower"``, ``"upper"`` or None
 
     def row(self) -> dict[str, Any]:
         """Return the cells of a pole table beside name, value and unit."""
@@ -43,30 +33,18 @@ class ParameterFit:
 
 @dataclass(frozen=True)
 class LoopFit:
-    """Result of a fit.
+    """Result of a fit."""
 
-    Attributes:
-        parameters: the searched poles.
-        numerator_errors: standard errors of the numerators, by ``"e/d"``; same order as the
-            coefficients.
-        nrmse: rms error over rms of the signal, by output, on the data of the fit.
-        rms: rms error [unit of the output].
-        samples: number of samples.
-        blocks: number of blocks of rows that the intervals rest on.
-        evaluations: of the cost.
-        ends: costs at which the short searches ended, over the lowest.
-        notes: what deserves attention, one sentence each.
-    """
-
-    parameters: tuple[ParameterFit, ...]
+    parameters: tuple[ParameterFit, ...]  # the searched poles
+    # standard errors of the numerators, by ``"e/d"``; same order as the coefficients
     numerator_errors: Mapping[str, tuple[float, ...]]
-    nrmse: Mapping[str, float]
-    rms: Mapping[str, float]
-    samples: int
-    blocks: int
-    evaluations: int
-    ends: tuple[float, ...] = ()
-    notes: tuple[str, ...] = ()
+    nrmse: Mapping[str, float]  # rms error over rms of the signal, by output, on the data of the fit
+    rms: Mapping[str, float]  # rms error [unit of the output]
+    samples: int  # number of samples
+    blocks: int  # number of blocks of rows that the intervals rest on
+    evaluations: int  # of the cost
+    ends: tuple[float, ...] = ()  # costs at which the short searches ended, over the lowest
+    notes: tuple[str, ...] = ()  # what deserves attention, one sentence each
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""

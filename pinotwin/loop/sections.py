@@ -86,30 +86,18 @@ class ModalStep:
 
     Each input drives its own copy of the sections (every block belongs to one input), so that the
     states carry physical meaning: the first state of a block is its filtered input.
-
-    Attributes:
-        step: sampling interval [s].
-        input: index of the input that drives each block, shape (k,).
-        A: shape (k, 2, 2); a first-order block leaves its second state at zero.
-        B0: weight of the input at the start of the interval, shape (k, 2).
-        B1: weight of the input at its end, shape (k, 2).
-        C: shape (ny, k, 2).
-        D: direct terms of the inputs, shape (ny, m).
-        Da: direct terms of the command's acceleration, shape (ny,).
-        rate: continuous A of every block [1/s], shape (k, 2, 2).
-        drive: continuous B of every block [1/s], shape (k, 2).
     """
 
-    step: float
-    input: Ints
-    A: Floats
-    B0: Floats
-    B1: Floats
-    C: Floats
-    D: Floats
-    Da: Floats
-    rate: Floats
-    drive: Floats
+    step: float  # sampling interval [s]
+    input: Ints  # index of the input that drives each block, shape (k,)
+    A: Floats  # shape (k, 2, 2); a first-order block leaves its second state at zero
+    B0: Floats  # weight of the input at the start of the interval, shape (k, 2)
+    B1: Floats  # weight of the input at its end, shape (k, 2)
+    C: Floats  # shape (ny, k, 2)
+    D: Floats  # direct terms of the inputs, shape (ny, m)
+    Da: Floats  # direct terms of the command's acceleration, shape (ny,)
+    rate: Floats  # continuous A of every block [1/s], shape (k, 2, 2)
+    drive: Floats  # continuous B of every block [1/s], shape (k, 2)
 
     @property
     def inputs(self) -> int:

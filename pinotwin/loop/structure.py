@@ -49,38 +49,23 @@ class Channel:
 
 @dataclass(frozen=True)
 class Section:
-    """One first- or second-order part of the characteristic polynomial.
+    """One first- or second-order part of the characteristic polynomial."""
 
-    Attributes:
-        name: ``"p1"``, ``"wn1"``, ... ``"pff"``.
-        order: 1 or 2.
-        values: (p,) [rad/s], or (wn [rad/s], zeta [-]).
-        feedforward: whether it belongs to Dff.
-        free: whether its values are searched.
-    """
-
-    name: str
-    order: int
-    values: tuple[float, ...]
-    feedforward: bool = False
-    free: bool = True
+    name: str  # ``"p1"``, ``"wn1"``, ... ``"pff"``
+    order: int  # 1 or 2
+    values: tuple[float, ...]  # (p,) [rad/s], or (wn [rad/s], zeta [-])
+    feedforward: bool = False  # whether it belongs to Dff
+    free: bool = True  # whether its values are searched
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Numbers of poles and form of the numerators; see the module's docstring.
+    """Numbers of poles and form of the numerators; see the module's docstring."""
 
-    Attributes:
-        real_poles: all real poles, those of the feed-forward included.
-        pole_pairs: complex pairs (an overdamped pair is two real poles).
-        feedforward_poles: see the module's docstring [Hz].
-        numerators: ``"exact"`` or ``"source"`` (disturbance numerators without Dff).
-    """
-
-    real_poles: int = 3
-    pole_pairs: int = 1
-    feedforward_poles: tuple[float, ...] | Literal["search"] | None = None
-    numerators: Numerators = "exact"
+    real_poles: int = 3  # all real poles, those of the feed-forward included
+    pole_pairs: int = 1  # complex pairs (an overdamped pair is two real poles)
+    feedforward_poles: tuple[float, ...] | Literal["search"] | None = None  # see the module's docstring [Hz]
+    numerators: Numerators = "exact"  # ``"exact"`` or ``"source"`` (disturbance numerators without Dff)
 
     def __post_init__(self) -> None:
         poles = self.feedforward_poles

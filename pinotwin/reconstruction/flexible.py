@@ -25,20 +25,13 @@ from pinotwin.twin.parameters import Parameter
 
 @dataclass(frozen=True)
 class Flexible:
-    """A flexible plant.
+    """A flexible plant."""
 
-    Attributes:
-        twin: motors' rows fitted with the vibration; its spring is the one found.
-        stiffness: of the passive joint [N·m/rad].
-        damping: [N·m·s/rad].
-        residual: RMS of the joint's own row [N·m]. load: RMS of the torque it balances [N·m].
-    """
-
-    twin: Twin
-    stiffness: Parameter
-    damping: Parameter
-    residual: float
-    load: float
+    twin: Twin  # motors' rows fitted with the vibration; its spring is the one found
+    stiffness: Parameter  # of the passive joint [N·m/rad]
+    damping: Parameter  # [N·m·s/rad]
+    residual: float  # RMS of the joint's own row [N·m]
+    load: float  # RMS of the torque it balances [N·m]
 
 
 def identify_flexible(

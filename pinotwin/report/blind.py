@@ -33,9 +33,14 @@ def bench_page(d: Mapping[str, Any]) -> Page:
     """Return the page of a scored bench, of what ``bench.json`` holds."""
     kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in d["cases"].items())
     found = d["calibration"]
+    rows = {r["name"]: r for r in d["scores"]}
+    large = []
+    for row in map(rows.__getitem__, FIRST):
+        below = f"{row['counts']}; must {row['must']}"
+        large.append(Tile(row["name"], row["figure"], below, *STATES.get(row["state"], ("", ""))))
     given = {
         "headline": _headline(d),
-        "tiles_": tiles(_tile({r["name"]: r for r in d["scores"]}[name]) for name in FIRST),
+        "tiles_": tiles(large),
         "scores": d["scores"],
         "states": STATES,
         "confusion": matrix_figure(d["confusion"]) if d["confusion"] else None,
@@ -56,11 +61,6 @@ def _headline(d: Mapping[str, Any]) -> str:
     if not below:
         return f"All {len(held)} scores reach what they must."
     return f"{len(held) - len(below)} of {len(held)} scores reach what they must; missed: {'; '.join(below)}."
-
-
-def _tile(row: Mapping[str, Any]) -> Tile:
-    words, kind = STATES.get(row["state"], ("", ""))
-    return Tile(row["name"], row["figure"], f"{row['counts']}; must {row['must']}", words, kind)
 
 
 LAST = ("none", "unexplained", "partly_explained", "explained", "unknown", "error")

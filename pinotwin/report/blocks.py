@@ -32,17 +32,11 @@ class Html:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure with its caption.
+    """A figure with its caption."""
 
-    Attributes:
-        figure: what to draw.
-        title: caption in bold.
-        note: how to read it, one sentence.
-    """
-
-    figure: go.Figure
-    title: str = ""
-    note: str = ""
+    figure: go.Figure  # what to draw
+    title: str = ""  # caption in bold
+    note: str = ""  # how to read it, one sentence
 
     @property
     def data(self) -> str:
@@ -64,13 +58,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Tabs:
-    """Blocks of which one group is shown at a time.
+    """Blocks of which one group is shown at a time."""
 
-    Attributes:
-        panels: title of each tab -> its blocks.
-    """
-
-    panels: Mapping[str, Sequence[Block]]
+    panels: Mapping[str, Sequence[Block]]  # title of each tab -> its blocks
 
 
 Block = Html | Plot | Group | Tabs | str

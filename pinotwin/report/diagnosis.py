@@ -16,7 +16,7 @@ from pinotwin.diagnosis.conclusion.sizes import (
     told,
 )
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.grade import Grade, printed
+from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import (
     explanation,
     label_words,
@@ -55,6 +55,8 @@ def diagnosis_report(
     """Return a self-contained HTML page about the residual between log and model."""
     logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
+    grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
+    remedies = [(e, known()[e.effect].remedy) for e in d.effects if e.effect in known()]
     content = {
         "lines": headline(d),
         "changes": _changes(d),
@@ -62,7 +64,7 @@ def diagnosis_report(
         "few": len(d.gap) <= 3,  # their cards stand beside the picture
         "cards": axis_cards(d),
         "d": d,
-        "grades": {printed(word).capitalize(): MEANING[word] for word in _grades(d)},
+        "grades": {printed(word).capitalize(): MEANING[word] for word in grades},
         "tracking": any("e" in row for row in d.gap.values()),
         "warnings": [plain_sentence(str(w)) for w in d.warnings],
         "warned": [_capital(w) for w in d.warnings],
@@ -79,7 +81,7 @@ def diagnosis_report(
         "shrink": _shrink(d),
         "bars": _bars(d),
         "evidence": Tabs(panels) if panels else "",
-        "remedies": _remedies(d),
+        "remedies": [f"{_capital(on_axis(e.effect, e.axis))}: {text}." for e, text in remedies if text],
         "advice": [f"{_capital(plain_sentence(text))}." for text in d.advice],
         "commands": ", ".join(d.commands),
     }
@@ -100,10 +102,6 @@ def _subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
     names = ", ".join(display.elided(name, 40) for name in all_names[:4])
     more = f" and {len(all_names) - 4} more" if len(all_names) > 4 else ""
     return " · ".join(w for w in (compared.get(d.situation, ""), names + more) if w)
-
-
-def _grades(d: Diagnosis) -> list[Grade]:
-    return list(dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row))
 
 
 def _changes(d: Diagnosis) -> Html | str:
@@ -192,12 +190,6 @@ def _bars(d: Diagnosis) -> list[Plot]:
             figure = shrink_figure(gap, signal, rotary_axes(d).get(axis, False), acts=word in ACTS)
             plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {printed(word)}"))
     return plots
-
-
-def _remedies(d: Diagnosis) -> list[str]:
-    """Return what corrects each cause, at the machine."""
-    kinds = [(on_axis(e.effect, e.axis), known().get(e.effect)) for e in d.effects]
-    return [f"{_capital(name)}: {kind.remedy}." for name, kind in kinds if kind is not None and kind.remedy]
 
 
 def _capital(text: str) -> str:

@@ -33,24 +33,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """A report in the making; :meth:`section` returns a longer one.
+    """A report in the making; :meth:`section` returns a longer one."""
 
-    Attributes:
-        title: heading of the page.
-        subtitle: line below it.
-        sections: what it holds, below what its template says.
-        template: of its own, without ``.html``.
-        given: what that template is given.
-        files: name, relative to the page, and content of what lies beside it.
-        made: where it comes from: version, date, options, logs; see :func:`made_of`.
-    """
-
-    title: str
-    subtitle: str = ""
-    sections: tuple[Section, ...] = ()
-    template: str = "page"
-    given: Mapping[str, Any] = field(default_factory=dict)
-    files: Sequence[tuple[str, str]] = ()
+    title: str  # heading of the page
+    subtitle: str = ""  # line below it
+    sections: tuple[Section, ...] = ()  # what it holds, below what its template says
+    template: str = "page"  # of its own, without ``.html``
+    given: Mapping[str, Any] = field(default_factory=dict)  # what that template is given
+    files: Sequence[tuple[str, str]] = ()  # name, relative to the page, and content of what lies beside it
+    # where it comes from: version, date, options, logs; see :func:`made_of`
     made: Mapping[str, Any] = field(default_factory=dict)
 
     def section(self, title: str, *blocks: Block, intro: str = "") -> Self:

@@ -37,33 +37,19 @@ FORMS = ("coupled", "black", "vibration")
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What the machine does; arrays of shape (n, nv) in joint coordinates, SI.
+    """What the machine does; arrays of shape (n, nv) in joint coordinates, SI."""
 
-    Attributes:
-        request: what was asked.
-        names: joint name of every column.
-        q: position.
-        v: velocity.
-        a: acceleration.
-        e: tracking error, command minus position.
-        u: motor effort.
-        d: generalised disturbance.
-        loops: the closed loops that were used.
-        substeps: internal steps a sample.
-        notes: what deserves attention.
-    """
-
-    request: Request
-    names: tuple[str, ...]
-    q: Floats
-    v: Floats
-    a: Floats
-    e: Floats
-    u: Floats
-    d: Floats
-    loops: Mapping[str, LoopModel]
-    substeps: int
-    notes: tuple[str, ...]
+    request: Request  # what was asked
+    names: tuple[str, ...]  # joint name of every column
+    q: Floats  # position
+    v: Floats  # velocity
+    a: Floats  # acceleration
+    e: Floats  # tracking error, command minus position
+    u: Floats  # motor effort
+    d: Floats  # generalised disturbance
+    loops: Mapping[str, LoopModel]  # the closed loops that were used
+    substeps: int  # internal steps a sample
+    notes: tuple[str, ...]  # what deserves attention
 
 
 def simulate(

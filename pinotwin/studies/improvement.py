@@ -27,17 +27,12 @@ Errors = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Step:
-    """One model on the way.
+    """One model on the way."""
 
-    Attributes:
-        added: what was added to the model before, one text each: cause, axis and size with its unit.
-        errors: on the sealed logs, see :data:`Errors`.
-        kept: whether the sealed logs are predicted better than by the model before.
-    """
-
+    # what was added to the model before, one text each: cause, axis and size with its unit
     added: Sequence[str]
-    errors: Errors
-    kept: bool = True
+    errors: Errors  # on the sealed logs, see :data:`Errors`
+    kept: bool = True  # whether the sealed logs are predicted better than by the model before
 
 
 @dataclass(frozen=True, repr=False)

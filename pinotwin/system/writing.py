@@ -198,20 +198,17 @@ def _take_place(part: Path, target: Path, replaces: Sequence[str]) -> None:
         os.rename(part, target)
         return
     own = os.listdir(part)
-    if not _is_in_use(target):
+    here = Path.cwd()  # of a shell that would lose its folder
+    if not (target.is_mount() or here == target or target in here.parents):
         _carry_over(target, part, replaces)
         if _exchange(part, target):
             return
     for name in [n for n in os.listdir(target) if n not in own and _matches(n, replaces)]:
         _remove(target / name)
     for name in own:
-        _move(part / name, target / name)
-
-
-def _is_in_use(target: Path) -> bool:
-    """Whether a folder should not be swapped: somebody's shell stands in it, or it is a mount."""
-    here = Path.cwd()
-    return target.is_mount() or here == target or target in here.parents
+        if (part / name).is_dir() or (target / name).is_dir():
+            _remove(target / name)
+        os.replace(part / name, target / name)
 
 
 def _exchange(part: Path, target: Path) -> bool:
@@ -255,13 +252,6 @@ def _carry_over(old: Path, new: Path, replaces: Sequence[str] = ()) -> None:
 
 def _matches(name: str, patterns: Sequence[str]) -> bool:
     return any(Path(name).match(pattern) for pattern in patterns)
-
-
-def _move(source: Path, target: Path) -> None:
-    """Put a file or folder in the place of another."""
-    if source.is_dir() or target.is_dir():
-        _remove(target)
-    os.replace(source, target)
 
 
 def _remove(path: Path) -> None:

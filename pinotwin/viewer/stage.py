@@ -134,12 +134,12 @@ def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
     ):
         if at is not None:
             _set(viewer[f"/Lights/{name}/<object>"], position=[size * x for x in at])
-        _light(viewer, name, **looks)
+        for key, value in looks.items():  # as a message, since meshcat lowers the case of their names
+            what = {
+                "type": "set_property",
+                "path": f"/Lights/{name}/<object>",
+                "property": key,
+                "value": value,
+            }
+            viewer.window.take(what)
     _set(viewer["/Lights/SpotLight"], visible=True)
-
-
-def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
-    """Set properties of a light; as a message, since meshcat lowers the case of their names."""
-    path = f"/Lights/{name}/<object>"
-    for key, value in properties.items():
-        viewer.window.take({"type": "set_property", "path": path, "property": key, "value": value})

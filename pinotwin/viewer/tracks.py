@@ -42,13 +42,12 @@ class Tracks:
     def lines(self, axis: str) -> dict[str, list[dict[str, Any]]]:
         """Return the plots of an axis for the page."""
         return {
-            kind: [{"name": n, "colour": c, "y": _digits(y)} for n, c, y in lines]
+            kind: [
+                {"name": n, "colour": c, "y": [float(f"{x:.5g}") if np.isfinite(x) else None for x in y]}
+                for n, c, y in lines
+            ]
             for kind, lines in self.series[axis].items()
         }
-
-
-def _digits(y: Floats) -> list[float | None]:
-    return [float(f"{x:.5g}") if np.isfinite(x) else None for x in y]
 
 
 def _colour(key: str) -> str:

@@ -20,10 +20,6 @@ def limited(axis: AxisTruth, limit: float) -> AxisTruth:
     return changed(axis, "controller", effort_limit=limit, integral_limit=limit)
 
 
-def _no_modulation(a: AxisTruth) -> AxisTruth:
-    return replace(a, ripple=tuple(replace(r, modulation=0.0) for r in a.ripple))
-
-
 WITHHOLD: Mapping[str, Callable[[AxisTruth], AxisTruth]] = {
     "viscous": lambda a: changed(a, "friction", viscous=0.0),
     "coulomb": lambda a: changed(a, "friction", coulomb=0.0),
@@ -32,7 +28,7 @@ WITHHOLD: Mapping[str, Callable[[AxisTruth], AxisTruth]] = {
     "load_friction": lambda a: changed(a, "friction", load=0.0),
     "presliding": lambda a: changed(a, "friction", presliding=(a.friction.presliding or 0.0) / 20.0),
     "ripple": lambda a: replace(a, ripple=()),
-    "ripple_modulated": _no_modulation,
+    "ripple_modulated": lambda a: replace(a, ripple=tuple(replace(r, modulation=0.0) for r in a.ripple)),
     "position_table": lambda a: replace(a, cable=Cable()),
     "drive_flexibility": lambda a: changed(a, "drive", frequency=0.0),
     "joint_flexibility": lambda a: replace(a, bend=None),

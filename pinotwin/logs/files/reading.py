@@ -100,7 +100,8 @@ def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
     source = str(path)
     if (path / "metadata.yaml").is_file():  # a ROS 2 bag is a folder
         kind, note = "ros", list[str]()
-    elif path.is_dir() and len(stored := _stored(path)) == 1:
+    elif path.is_dir() and len(stored := [p for p in path.iterdir() if p.suffix in (".mcap", ".db3")]) == 1:
+        # a bag that lost its metadata.yaml
         return replace(_read_one(stored[0], only, seen), source=source)
     else:
         kind, note = _format(path, _head(path))
@@ -113,11 +114,6 @@ def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
         content = loader.load(path, source)
     content.notes[:0] = note
     return to_log(content, source, only)
-
-
-def _stored(folder: Path) -> list[Path]:
-    """Return the storage files of a ROS 2 bag that lost its metadata.yaml."""
-    return sorted(p for p in folder.iterdir() if p.suffix in (".mcap", ".db3"))
 
 
 def _head(path: Path) -> bytes:
