@@ -28,6 +28,8 @@ CAUSES = {
     "effort_noise",
     "effort_stands",
     "effort_unsigned",
+    "effort_weightless",
+    "effort_frictionless",
     "command_is_position",
     "command_disagrees",
     "command_late",

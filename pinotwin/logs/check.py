@@ -43,7 +43,7 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "position_unit": ("position_limit", "speed_limit", "effort_scale"),
     "position_exchanged": ("position_limit", "speed_limit"),
     "effort_exchanged": ("effort_limit", "effort_lead"),
-    "effort_scale": ("effort_limit",),
+    "effort_scale": ("effort_limit", "effort_weightless"),
     "effort_late": ("effort_lead",),
     "effort_early": ("effort_lead",),
 }

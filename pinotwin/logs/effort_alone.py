@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.logs.explained import Course, Explained, fitted, left_of
+from pinotwin.logs.explained import Course, Explained, left_of
 from pinotwin.logs.quality import Finding
 from pinotwin.logs.quality.results import finding
 from pinotwin.signals import autocorrelation
@@ -62,7 +62,8 @@ def is_strange(axis: Explained, fit: Lag, tries: int = 40, best: float = 0.2) ->
 def is_unsigned(axis: Explained, raw: Floats) -> bool:
     """Whether an effort that only touches zero fits far better with a sign that changes there."""
     low, high = np.percentile(raw, 0.5), np.percentile(raw, 99.5)
-    if high <= 0 or low < -0.02 * high or low > 0.1 * high:  # a load that hangs never comes near zero
+    hangs = low > 0.1 * high and np.any(axis.weight)  # then it never comes near zero
+    if high <= 0 or low < -0.02 * high or hangs:
         return False
     size, basis = axis.u[axis.rows], axis.basis
     rubs = 0.5 * np.mean(size) * np.sign(axis.v)
@@ -125,9 +126,7 @@ def is_reversed(axis: Explained, fit: Lag) -> bool:
     if fit.left > 1.0 - limit.explained:
         return False
     y = axis.u[axis.rows + fit.late]
-    measure = np.zeros(axis.columns.shape[1])
-    measure[axis.friction] = np.mean(axis.v**2), np.mean(np.abs(axis.v))  # power of each coefficient
-    power, error, theta = fitted(axis.columns, y, measure)
+    power, error, theta = axis.rubbed(y)
     friction = axis.columns[:, axis.friction] @ theta[axis.friction]
     heard = np.std(friction) > 0.05 * np.std(y)
     pushes = power < -limit.sure * error and heard
@@ -136,6 +135,34 @@ def is_reversed(axis: Explained, fit: Lag) -> bool:
     against = scale < -limit.sure * sd and share > limit.nearly_all
     along = scale > limit.sure * sd and share > limit.explained
     return bool((pushes and not along) or (against and not brakes))
+
+
+def weightless(axes: Sequence[Explained], least: float = 0.2, seen: float = 0.05) -> Iterator[Finding]:
+    """Name the efforts without weight, where no axis holds any; looked for from so much weight [-] on."""
+    light = []
+    for axis in axes:
+        y = axis.u[axis.rows]
+        if np.sqrt(np.mean(axis.weight**2)) < seen * np.std(y):
+            continue
+        share, error = axis.weighed(y)
+        doubt = axis.settings.sure * error
+        if share - doubt > least:
+            return
+        light += [axis.name] if abs(share) + doubt < least else []
+    if light:
+        yield finding("effort_weightless", ", ".join(f"{name}.u" for name in light))
+
+
+def frictionless(axes: Sequence[Explained], least: float = 0.01) -> Iterator[Finding]:
+    """Name the efforts that hold no friction, in power over that of effort and speed [-]: a model, or a sensor."""
+    free = []
+    for axis in axes:
+        y = axis.u[axis.rows]
+        power, error, _ = axis.rubbed(y)
+        whole = np.std(y) * np.sqrt(np.mean(axis.v**2))
+        free += [axis.name] if abs(power) + axis.settings.sure * error < least * whole else []
+    if free:
+        yield finding("effort_frictionless", ", ".join(f"{name}.u" for name in free))
 
 
 def scaled(axis: Explained, fit: Lag) -> Iterator[Finding]:

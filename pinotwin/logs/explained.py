@@ -62,6 +62,7 @@ class Explained:
     v: Floats  # of the axis there, shape (m,); a likewise
     a: Floats
     rigid: Floats  # effort of the URDF's masses there, shape (m,)
+    weight: Floats  # the part of it that gravity asks for, shape (m,)
     columns: Floats  # of all causes, shape (m, k); the last three are friction and 1
     basis: Floats  # orthonormal, of these
     reach: int  # samples in which a lag is looked for
@@ -99,6 +100,20 @@ class Explained:
         rest = y - columns @ theta
         return scale, error, 1.0 - float(rest @ rest) / max(float(without @ without), 1e-300)
 
+    def rubbed(self, y: Floats) -> tuple[float, float, Floats]:
+        """Return the power that friction takes out of an effort [W], its standard error, and all coefficients."""
+        measure = np.zeros(self.columns.shape[1])
+        measure[self.friction] = np.mean(self.v**2), np.mean(np.abs(self.v))  # power of each coefficient
+        return fitted(self.columns, y, measure)
+
+    def weighed(self, y: Floats) -> tuple[float, float]:
+        """Return the weights that an effort holds over those of the URDF [-], and the standard error."""
+        level = float(self.weight.mean())
+        constant = np.ptp(self.weight) < 0.1 * abs(level)
+        own = self.columns[:, -3:-1] if constant else self.columns[:, -3:]
+        columns = np.column_stack([self.weight, self.rigid - self.weight, own])
+        return fitted(columns, y, np.eye(columns.shape[1])[0])[:2]
+
 
 def course(motion: Motion, settings: Settings, most: int = 4000) -> Course | None:
     """Return about so many rows of a motion, away from every gap; None where there are too few."""
@@ -115,6 +130,8 @@ def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
     """Yield the axes that move both ways and whose effort changes; ``u`` of a whole motion, shape (n, nv)."""
     whole = machine.base.regressor(machine.model, *at.moved)
     beta = machine.base.from_standard(parameters(machine.model))
+    q, none = at.moved[0], np.zeros_like(at.moved[0])
+    weights = machine.base.regressor(machine.model, q, none, none) @ beta
     for name, axis in machine.axes.items():
         j = axis.index
         usable = at.use[:, j]
@@ -127,7 +144,7 @@ def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
         own = [a, np.sin(q), np.cos(q)] if axis.rotary else [a]
         parts: Sequence[Floats] = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
         columns = np.column_stack(parts)
-        causes = w @ beta, columns, basis_of(columns)
+        causes = w @ beta, weights[usable, j], columns, basis_of(columns)
         yield Explained(name, axis.rotary, effort, rows, v, a, *causes, at.reach, at.settings)
 
 

@@ -23,6 +23,7 @@ from pinotwin.logs.command import untold
 from pinotwin.logs.effort_alone import (
     Examined,
     alone,
+    frictionless,
     is_reversed,
     is_strange,
     is_unsigned,
@@ -30,6 +31,7 @@ from pinotwin.logs.effort_alone import (
     named,
     scaled,
     turned_round,
+    weightless,
 )
 from pinotwin.logs.exchanged import exchanged, not_told
 from pinotwin.logs.explained import Explained, course, explained
@@ -64,7 +66,8 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
     rest = [axis for axis in clear if axis.name not in named(swapped)]
     open_ = {*unsized(log), *(name for name, column in machine.columns.items() if column.found)}
     wrong_sign = list(turned_round(rest, fits))
-    out += [*swapped, *late(rest, fits, motion.step), *wrong_sign]
+    light = [] if wrong_sign else list(weightless(rest))
+    out += [*swapped, *late(rest, fits, motion.step), *wrong_sign, *light, *frictionless(rest)]
     out += [finding("effort_strange", f"{x.name}.u") for x in rest if is_strange(x, fits[x.name])]
     for axis in rest:
         if axis.name not in named(wrong_sign) and f"{axis.name}.u" not in open_:

@@ -99,6 +99,10 @@ LOG = {
     "effort_strange": "fits this motion no better than if it were of another time: it is of another run or axis",
     "effort_unsigned": "never changes its sign, but fits the motion with a sign that changes where it "
     "touches zero: a magnitude was logged; log the signed effort",
+    "effort_weightless": "holds none of the weight that the URDF's masses have: the controller took it out, a "
+    "counterweight carries it, or it is in another unit; log the motor's whole effort",
+    "effort_frictionless": "holds no friction: a model of the drive gave it, or a torque sensor behind the gear; "
+    "a twin of it has none either, log the motor's effort",
     "effort_late": "comes {ms:.0f} ms late for the motion, more than any drive: the channels are not of one "
     "instant; log them together, or shift this column before use",
     "effort_early": "comes {ms:.0f} ms early for the motion, more than any drive: the channels are not of "

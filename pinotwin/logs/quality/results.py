@@ -106,7 +106,10 @@ _ERRORS = (
     *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
     *("body_impossible", "unusable"),
 )
-_FACTS = ("clock_odd", "constant", "load_position", "not_told", "no_effect", "identifiable")
+_FACTS = (
+    *("clock_odd", "constant", "load_position", "not_told", "no_effect", "identifiable"),
+    "effort_frictionless",
+)
 
 
 def finding(code: str, channel: str = "", grave: Severity | None = None, /, **numbers: object) -> Finding:
