@@ -79,6 +79,9 @@ LOG = {
     "loop_unstable": "swings {rate:.0f} times a second between its largest efforts either way, unasked by "
     "the command: its loop is unstable; lower its gains, or leave those seconds out (data: leave_out in "
     "machine.yaml)",
+    "loop_hunts": "swings by {size:.3g} {unit} either way at {rate:.3g} Hz about a command that stands, from "
+    "{start:.4g} to {end:.4g} s, {total:.3g} s in all: its loop hunts; lower its gains, look for play and for "
+    "an integrator against dry friction, or leave those seconds out (data: leave_out in machine.yaml)",
     "command_is_position": "holds the same numbers as {axis}.qr: a command was logged twice; map the "
     "measured position",
     "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both "

@@ -36,7 +36,11 @@ def inspect_axes(
 ) -> tuple[dict[str, AxisQuality], float]:
     """Return the table of the axes with a position, and the corner that these suggest."""
     present = [name for name in axes if f"{name}.q" in log and np.isfinite(log[f"{name}.q"]).any()]
-    table = {name: _still(log, name, axes[name]) for name in present}
+    reach = {name: float(np.nanmax(log[f"{name}.q"]) - np.nanmin(log[f"{name}.q"])) for name in present}
+    widest = {
+        kind: max((reach[k] for k in present if axes[k] == kind), default=0.0) for kind in (False, True)
+    }
+    table = {name: _still(log, name, axes[name], widest[axes[name]]) for name in present}
     moving = [name for name in present if table[name].moves]
     if ticks is None or not moving:
         return table, np.inf
@@ -92,12 +96,13 @@ def _inside(n: int, cutoff: float, rate: float, stretches: Sequence[slice]) -> M
     return interior(n, edge, stretches)
 
 
-def _still(log: Log, name: str, rotary: bool) -> AxisQuality:
+def _still(log: Log, name: str, rotary: bool, widest: float) -> AxisQuality:
     q = log[f"{name}.q"]
     good = q[np.isfinite(q)]
     low, high = float(good.min()), float(good.max())
     step = quantisation_step(good) or 0.0
-    moves = high - low > max(10.0 * step, 1e-6) and len(good) > 10
+    moves = high - low > max(10.0 * step, min(40.0 * step, 1e-3 * widest), 1e-6) and len(good) > 10
+    # A few steps beside an axis that goes a thousand times as far are its shaking.
     # Noise about a held position has no memory; any motion has, even at ten samples a stroke.
     moves = moves and bool(autocorrelation(good, 1)[1] > 0.5)
     return AxisQuality(rotary, moves, low, high, 0.0, 0.0)
@@ -128,7 +133,8 @@ def axis_findings(
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), own)
         yield from _agreement(log, name, settings)
         if axis.moves and ticks is not None:
-            yield from _hunting(log, name, ticks, settings)
+            yield from _unstable(log, name, ticks, settings)
+            yield from _hunting(log, name, axes, ticks)
         yield from _second_encoder(log, name, axes[name])
     yield from _lead_findings(table, limits, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
@@ -179,7 +185,41 @@ def _limit_findings(
         yield finding("effort_limit", f"{name}.u", top=top, limit=limits.effort)
 
 
-def _hunting(log: Log, name: str, ticks: Clock, settings: Settings) -> Iterator[Finding]:
+def _hunting(log: Log, name: str, axes: Mapping[str, bool], ticks: Clock) -> Iterator[Finding]:
+    """Say of a position that swings about a command which stands, faster than any other axis is told to move."""
+    if f"{name}.qr" not in log or not np.isfinite(log[f"{name}.q"]).all():
+        return
+    q, orders = log[f"{name}.q"], {k: log[f"{k}.qr"] for k in axes if f"{k}.qr" in log}
+    stands = np.abs(np.diff(orders[name], prepend=orders[name][:1])) <= 1e-9 * np.ptp(q)
+    least = max(10.0 * (quantisation_step(q) or 0.0), 1e-3 * float(np.ptp(q)))
+    found = []
+    for rows in (rows for rows in runs(stands) if np.ptp(q[rows]) > least):
+        period, size = _wave(q[rows])
+        asked = max(_swings(np.diff(order[rows]), least=0.1) for order in orders.values())
+        if period and size > least and len(q[rows]) > max(3.0, 1.5 * asked) * period:
+            found.append((rows, period, size))
+    if found:
+        rows, period, size = max(found, key=lambda one: one[2])
+        spans = {"start": log.t[found[0][0].start], "end": log.t[found[-1][0].stop - 1]}
+        total = sum(rows.stop - rows.start for rows, _, _ in found) * ticks.step
+        said = {"size": 1e3 * size, "unit": "mrad" if axes[name] else "mm", "rate": ticks.rate / period}
+        yield finding("loop_hunts", f"{name}.q", **said, **spans, total=total)
+
+
+def _wave(x: Floats, alike: float = 0.6) -> tuple[int, float]:
+    """Return the period of a wave that does not die away [rows], and its amplitude; 0 where there is none."""
+    if len(x) < _SHORTEST:
+        return 0, 0.0
+    x = x - np.polyval(np.polyfit(np.arange(len(x)), x, 1), np.arange(len(x)))
+    memory = autocorrelation(x, len(x) // 3)
+    turned = int(np.argmax(memory < 0.0))
+    first, last = np.std(x[: len(x) // 2]), np.std(x[len(x) // 2 :])
+    if not turned or last < 0.7 * first or memory[turned:].max() < alike:
+        return 0, 0.0
+    return turned + int(np.argmax(memory[turned:])), float(np.sqrt(2.0) * last)
+
+
+def _unstable(log: Log, name: str, ticks: Clock, settings: Settings) -> Iterator[Finding]:
     """Say of a loop that swings from one limit of its drive to the other, unasked."""
     if not {f"{name}.u", f"{name}.qr"} <= set(log.channels):
         return
