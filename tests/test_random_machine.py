@@ -36,7 +36,7 @@ def test_trees_differ_and_have_both_kinds_of_axes(folders):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_random_machine_is_sane_and_runs(folders, seed):
-    machine = pt.Machine.load(folders[seed]).require_physical()
+    machine = pt.Machine.load(folders[seed])
     virtual = VirtualMachine.load(folders[seed])
     M = virtual.inertia()
     assert np.linalg.eigvalsh(M).min() > 0.0

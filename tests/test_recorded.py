@@ -103,3 +103,11 @@ def test_a_late_command_is_named_with_its_rows(rows):
     )
     said = [f.message for f in found.findings if f.code == "command_late"]
     assert [f"({rows} rows)" in text for text in said] == [True]
+
+
+def test_a_log_of_a_fifth_of_a_second_is_refused():
+    machine, log = pt.Machine.load("trunnion"), _log(3)
+    found = pt.check(machine, few := log.rows(slice(500, 600)))
+    assert [f.code for f in found.findings if f.severity == "error"] == ["log_short"]
+    with pytest.raises(pt.DataError, match=r"lasts 0.2 s: .*record longer"):
+        pt.identify(machine, few)

@@ -47,7 +47,7 @@ def run(
     options = _preparation(cutoff, decimate, resample)
     from pinotwin.machine import Machine
 
-    believed = Machine.load(machine).require_physical()
+    believed = Machine.load(machine)
     spare_the_machine(believed, Path(out))
     from pinotwin.identification import identify
 

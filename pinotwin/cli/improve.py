@@ -36,7 +36,7 @@ def run(
         raise InputError(f"--most: {most} must be at least 1")
     from pinotwin.machine import Machine
 
-    believed = Machine.load(machine).require_physical()
+    believed = Machine.load(machine)
     spare_the_machine(believed, Path(out))
     from pinotwin.studies.improvement import improve
 

@@ -81,6 +81,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs, settings)
     even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
+    even.require_long()
     fitted = functools.partial(_plant, even=even, cutoff=cutoff, decimate=decimate, settings=settings)
     machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
@@ -152,7 +153,7 @@ def _as_logged(
 
     It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
     """
-    machine = machine.listing(effects).require_physical()
+    machine = machine.listing(effects)
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
     unsized = {name: replace(column, found=0.0) for name, column in machine.columns.items()}

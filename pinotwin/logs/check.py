@@ -11,6 +11,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
+from pinotwin.dynamics.plausible import oversized_bodies
 from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.plausible import unseen
@@ -21,7 +22,7 @@ from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import MOVING, incomplete, mimics, read_tree
+from pinotwin.machine.urdf_check import FREE, MOVING, incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -153,6 +154,9 @@ def machine_findings(machine: Machine) -> list[Finding]:
     out = [finding("urdf_invalid", part, problems=text) for part, text in incomplete(root).items()]
     for joint, problem in impossible_bodies(machine.model).items():
         out.append(finding("body_impossible", joint, problem=problem))
+    for joint, (radius, size) in oversized_bodies(machine.model).items():
+        out.append(finding("body_oversized", joint, radius=radius, size=size))
+    out += [finding("joint_free", str(j.get("name"))) for j in root.findall("joint") if j.get("type") in FREE]
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
             out.append(finding("joint_mimics", joint, leader=repr(leader)))

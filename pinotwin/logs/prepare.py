@@ -39,6 +39,7 @@ from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.signals import clock, differentiate, edge_samples, low_pass, rms, segments, suggest_cutoff
 from pinotwin.solve.lead import put_back
+from pinotwin.system.phrases import LOG
 
 _DECIMATOR = 25  # samples that the filter of `decimate_zero_phase` needs
 
@@ -107,6 +108,12 @@ class EvenLogs:
     def whose(self) -> Ints:
         """Number of the log that each row of their motion is of, shape (n,)."""
         return np.repeat(np.arange(len(self.logs)), [len(x) for x in self.logs])
+
+    def require_long(self) -> None:
+        """Refuse logs that are too short, all together, to identify anything."""
+        seconds = sum(clock(log.t).step * len(log) for log in self.logs)
+        if seconds < self.settings.shortest:
+            raise DataError(f"{self.logs[0].source}: {LOG['log_short'].format(seconds=seconds)}")
 
     def motion(
         self,

@@ -12,6 +12,7 @@ class Settings:
     Attributes:
         slow_rate: [Hz] below it a servo's accelerations (10 to 100 ms long) fall between the samples.
         same_rate: relative difference of two rates up to which they are one clock, measured twice.
+        shortest: [s] log below which no axis has gone to and fro, and nothing is identified.
         bridged: missing samples in a row that are interpolated: a motion changes little in two.
         jitter: [steps] scatter of the stamps from which the motion is asked for the clock.
         no_clock: share of intervals off by half a step or more, from which there is no clock.
@@ -47,6 +48,7 @@ class Settings:
 
     slow_rate: float = 50.0
     same_rate: float = 0.01
+    shortest: float = 0.5
     bridged: int = 2
     jitter: float = 0.02
     no_clock: float = 0.3

@@ -19,7 +19,7 @@ from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
 from pinotwin.errors import InputError, MachineError, require
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
-from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
+from pinotwin.machine.urdf import resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.notebook import Card, Shown
 from pinotwin.system.writing import as_path, write_bytes, write_text
@@ -169,19 +169,6 @@ class Machine(Card):
         """
         require(name, self.axes, f"{self.name}: no axis", MachineError)
         return self.axes[name]
-
-    def require_physical(self) -> Machine:
-        """Return the machine itself, if every body that moves could exist.
-
-        Raises:
-            MachineError: naming the body and what is wrong with its inertia.
-        """
-        for joint, problem in impossible_bodies(self.model).items():
-            raise MachineError(
-                f"{self.urdf}: what joint {joint!r} moves cannot exist: {problem}; correct the "
-                "<inertial> of its links"
-            )
-        return self
 
     def with_effects(self, axis: str, effects: tuple[Effect, ...]) -> Machine:
         """Return the machine with other effects on one axis."""

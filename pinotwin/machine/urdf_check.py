@@ -21,7 +21,10 @@ SHAPES = ("box", "cylinder", "sphere", "mesh")
 """What the geometry of a visual or a collision may be."""
 
 
-_TYPES = (*MOVING, "fixed", "floating", "planar")
+FREE = ("floating", "planar")
+"""Joint types of a base that is free: held here."""
+
+_TYPES = (*MOVING, *FREE, "fixed")
 
 
 def read_tree(path: Path, most: int = 2000) -> etree._Element:

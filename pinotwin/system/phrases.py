@@ -11,6 +11,7 @@ LOG = {
     "clock_holes": "{count} stamps are missing; the log is cut there",
     "clock_stands": "{why}",
     "clock_unit": "{why}",
+    "log_short": "lasts {seconds:.2g} s: no axis goes to and fro in that; record longer, a few seconds at least",
     "clock_backward": "the clock runs backward {count} times, first at row {first}; the log is cut there, "
     "check the logger's clock",
     "clock_duplicated": "{count} duplicated time stamps, first at row {first} (about {rate:.4g} Hz); the "
@@ -123,7 +124,11 @@ LOG = {
     "position_sign": "with the position of {a} reversed the efforts of the machine fit: give the columns of "
     "its position and command in machine.yaml a negative factor",
     # the machine, and what a log excites of it
-    "body_impossible": "what it moves cannot exist: {problem}; correct the <inertial> of its links",
+    "body_impossible": "what it moves cannot exist: {problem}; `identify` starts from a body that can, correct "
+    "the <inertial> of its links",
+    "body_oversized": "its mass would be {radius:.3g} m away from its centre, in a machine of {size:.2g} m: an inertia "
+    "in a CAD program's units? `identify` starts from a rod, give the <inertial> in kg·m²",
+    "joint_free": "leaves the base free in the URDF; locked here, as if the machine stood on the ground",
     "joint_mimics": "follows {leader} in the URDF (mimic); held at zero here",
     "link_massless": "link of a moving joint without <inertial>: its mass counts as zero",
     "no_effect": "{count} inertial parameters have no effect on any joint torque: {names}",

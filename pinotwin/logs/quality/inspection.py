@@ -86,6 +86,8 @@ def _clock(log: Log, findings: list[Finding], settings: Settings) -> Clock | Non
         findings.append(finding("clock_stands", "t", why=error))
         return None
     findings += clock_findings(ticks, settings)
+    if ticks.step * len(log) < settings.shortest:
+        findings.append(finding("log_short", "t", seconds=ticks.step * len(log)))
     return ticks
 
 

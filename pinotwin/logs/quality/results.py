@@ -104,7 +104,7 @@ class Quality:
 
 _ERRORS = (
     *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
-    *("body_impossible", "unusable"),
+    *("log_short", "unusable"),
 )
 _FACTS = (
     *("clock_odd", "constant", "load_position", "not_told", "no_effect", "identifiable"),
