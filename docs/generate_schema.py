@@ -1,15 +1,20 @@
-"""Write docs/machine.schema.json from what reads machine.yaml; ``make docs`` runs it, a test holds it true."""
+"""Write the JSON Schemas in docs from what reads and writes the files; ``make docs`` runs it, a test holds it true."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from pinotwin.diagnosis.result import Diagnosis, Verdict
 from pinotwin.effects import EFFECTS
 from pinotwin.machine.effect_list import types_of
 from pinotwin.machine.loading import REQUIRED, MachineFile
 from pinotwin.system.reading import schema
+from pinotwin.twin.files import twin_schema
+
+KINDS: dict[type, str] = {str: "string", bool: "boolean", list: "array", dict: "object"}
+"""Type of a value -> its name in a schema."""
 
 
 def machine_schema() -> dict[str, Any]:
@@ -37,10 +42,38 @@ def effect_schema() -> dict[str, Any]:
     return {"anyOf": [{"enum": list(listed)}, own, {"type": "object", "properties": settings}]}
 
 
-def text() -> str:
-    """Return the text of docs/machine.schema.json."""
-    return json.dumps(machine_schema(), indent=1, ensure_ascii=False) + "\n"
+def diagnosis_schema() -> dict[str, Any]:
+    """Return the JSON Schema of diagnosis.json: its keys and what each is; keys are only ever added."""
+    rest: dict[str, Any] = {key: {} for key in ("gap", "unexplained", "remains", "shrink")}
+    empty = Diagnosis(
+        verdict="none",
+        sentence="",
+        where=(),
+        effects=(),
+        confusable=(),
+        noise="assumed",
+        advice=(),
+        situation="change",
+        **rest,
+    ).to_dict()
+    keys: dict[str, Any] = {key: {"type": KINDS[type(x)]} for key, x in empty.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "diagnosis.json of pinotwin",
+        "type": "object",
+        "properties": keys | {"schema": {"const": empty["schema"]}, "verdict": {"enum": get_args(Verdict)}},
+        "required": list(keys),
+    }
+
+
+SCHEMAS = {"machine": machine_schema, "twin": twin_schema, "diagnosis": diagnosis_schema}
+
+
+def text(name: str) -> str:
+    """Return the text of a schema in docs."""
+    return json.dumps(SCHEMAS[name](), indent=1, ensure_ascii=False) + "\n"
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "machine.schema.json").write_text(text(), encoding="utf-8")
+    for name in SCHEMAS:
+        (Path(__file__).parent / f"{name}.schema.json").write_text(text(name), encoding="utf-8")

@@ -48,7 +48,7 @@ class _Settings(TypedDict, total=False):
 
 
 class _Document(TypedDict):
-    """What is read of twin.json; see :func:`document`."""
+    """What is read of twin.json."""
 
     parameters: list[dict[str, Any]]
     effects: list[dict[str, Any]]
@@ -160,6 +160,15 @@ def document(twin: Twin) -> dict[str, Any]:
             "misfit": None if twin.misfit is None else twin.misfit.summary,
         }
     )
+
+
+def twin_schema() -> dict[str, Any]:
+    """Return the JSON Schema of twin.json."""
+    out = msgspec.json.schema(_Document)
+    body = out["$defs"]["_Document"]
+    body |= {"title": "twin.json of pinotwin", "required": ["schema", *body["required"]]}
+    body["properties"]["schema"] = {"const": SCHEMA}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **out}
 
 
 def _fields(effect: Effect) -> dict[str, Any]:
