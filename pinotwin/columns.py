@@ -205,10 +205,7 @@ def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:
 
 
 def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterator[tuple[str, str, str]]:
-    """Yield channels that need no mapping: as the log holds them, as the contract calls them, unit.
-
-    Beside the contract's own names these are ROS' ``<joint>.position``, ``/joint_states/<joint>/effort``.
-    """
+    """Yield channels that need no mapping, with their unit: the contract's, and ROS' ``<joint>.position`` etc."""
     for name in log.channels:
         if is_contract_name(name) and name not in channels:
             yield name, name, log.units.get(name, "1")

@@ -53,10 +53,7 @@ MOST_WORDS = 30
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known word nearest to ``name`` and lists the others (if not too many).
-
-    Words that contain the name come before those that are spelled like it.
-    """
+    """Return a hint that names the known word nearest to ``name``, one that contains it first, and some others."""
     words = sorted(str(word) for word in known)
     folded = {word.casefold(): word for word in reversed(words)}
     given = str(name).casefold()

@@ -37,10 +37,7 @@ ONE_UNIT: tuple[float, float] = (1.0, 0.0)
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Return name and unit of a header written ``name [unit]``, ``name(unit)``, ``name / unit``.
-
-    What is no unit known to :mod:`pinotwin.units` stays part of the name.
-    """
+    """Return name and known unit of a header written ``name [unit]``, ``name(unit)``, ``name / unit``."""
     match = _UNIT_AT_END.match(header.strip())
     unit = match and (match["unit"] or match["bare"])
     if match and unit and unit in SI_FACTOR and not unit.isdigit() and unit != "-":

@@ -15,10 +15,7 @@ Shown = tuple[str, Sequence[str], Sequence[Sequence[object]], str]
 
 
 class Card(ABC):
-    """Shows an object as a small table: text in a console, HTML in a notebook.
-
-    A dataclass that takes it is declared with ``repr=False``, else its own repr comes first.
-    """
+    """Shows a dataclass declared with ``repr=False`` as a small table: text in a console, HTML in a notebook."""
 
     @abstractmethod
     def _shown(self) -> Shown:

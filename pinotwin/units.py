@@ -77,10 +77,7 @@ _SPELLED = {
 
 
 def find_unit(text: str) -> str | None:
-    """Return the known unit that a file means, None for none: ``[mm]``, ``V (Voltage)``, ``MM``.
-
-    Brackets and words behind the unit do not count; capitals only where two units differ by them.
-    """
+    """Return the known unit that a file means, None for none: ``[mm]``, ``V (Voltage)``, ``MM``."""
     bare = text.strip().strip("[]<>").strip()
     bare = bare[1:-1].strip() if bare.startswith("(") and bare.endswith(")") else bare
     first = re.split(r"\s*\(", bare)[0].strip() if "(" in bare else bare

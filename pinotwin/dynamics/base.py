@@ -42,24 +42,15 @@ _BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Which sums of standard parameters the joint efforts depend on.
+    """Which sums of standard parameters the joint efforts depend on."""
 
-    Attributes:
-        P: beta = P @ pi, shape (b, p); exactly 1 and 0 in the independent columns.
-        independent: indices into ``pi``, joint by joint: W[:, :, independent] @ beta == W @ pi,
-            shape (b,).
-        names: every base parameter written out, e.g. ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``.
-        labels: a short unique name each, e.g. ``Iyy_B*``; the star marks a sum.
-        units: SI unit of each.
-        without_effect: names of the standard parameters that no effort depends on.
-    """
-
-    P: Floats
+    P: Floats  # beta = P @ pi, shape (b, p); exactly 1 and 0 in the independent columns
+    # indices into ``pi``, joint by joint: W[:, :, independent] @ beta == W @ pi, shape (b,)
     independent: Ints
-    names: tuple[str, ...]
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    without_effect: tuple[str, ...]
+    names: tuple[str, ...]  # every base parameter written out, e.g. ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``
+    labels: tuple[str, ...]  # a short unique name each, e.g. ``Iyy_B*``; the star marks a sum
+    units: tuple[str, ...]  # SI unit of each
+    without_effect: tuple[str, ...]  # names of the standard parameters that no effort depends on
 
     def __len__(self) -> int:
         return len(self.independent)

@@ -210,10 +210,7 @@ def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem, farthest:
 
 
 def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]) -> Floats:
-    """Return the covariance of all parameters: A^-1 S A^-1, S by leaving out stretches of 1 s, several decay times.
-
-    What only one stretch knows (the start) leaves no residual there; the noise sets its variance.
-    """
+    """Return the covariance A^-1 S A^-1 of all parameters, S by leaving out stretches of 1 s, several decay times."""
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
     S = np.eye(len(theta))
     for r, m in enumerate(problem.models):

@@ -22,10 +22,7 @@ def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
 
 
 def driven(system: tuple[Sequence[float], Sequence[float]], x: Floats, step: float) -> Floats:
-    """Return what a system in s, numerator and denominator, makes of signals (n, k), settled at the start.
-
-    Discretised for inputs that are linear between samples ``step`` [s] apart: a bilinear map would change the delay.
-    """
+    """Return what a system in s makes of signals (n, k), settled, linear between samples ``step`` [s] apart."""
     b, a, _ = cont2discrete(system, step, method="foh")
     b = b.ravel()
     y, _ = lfilter(b, a, x, axis=0, zi=lfilter_zi(b, a)[:, None] * x[:1])

@@ -25,10 +25,7 @@ class Response:
 
 
 def respond(load: Floats, step: float, wn: float, zeta: float, *, rest: bool = True) -> Response:
-    """Return the response to load columns (n, k) [1/s² of x], ``step`` [s] apart; ``wn`` in [rad/s].
-
-    It begins at equilibrium under the first load or, without ``rest``, at zero.
-    """
+    """Return the response to loads (n, k) [1/s² of x], ``step`` [s] apart; ``wn`` [rad/s]; settled or at ``rest``."""
     x, v = (driven((top, [1.0, 2.0 * zeta * wn, wn**2]), load, step) for top in ([1.0], [1.0, 0.0]))
     if not rest:
         free, start = decay(len(load), step, wn, zeta), load[0] / wn**2

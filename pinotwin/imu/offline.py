@@ -66,11 +66,7 @@ class _Nominal:
 
 
 def offline_orientation(gyr: Floats, acc: Floats, rate: float, rule: rot.Rule = "mean") -> Floats:
-    """Return quaternions (n, 4), sensor to earth, heading as at the start.
-
-    Arguments as of :func:`pinotwin.imu.orientation.orientation`; the bounds suit hand-held and
-    machine-mounted sensors.
-    """
+    """Return quaternions (n, 4), sensor to earth, heading as at the start; arguments as of ``orientation``."""
     b = Bounds()
     m = max(1, round(b.block * rate))
     if len(gyr) < 3 * m:

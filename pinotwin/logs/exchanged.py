@@ -28,10 +28,7 @@ _CODES = {
 
 
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
-    """Name pairs of axes whose efforts, or positions, have each other's name, and axes that run the other way.
-
-    Efforts ``u`` are of a whole motion, shape (n, nv); ``axes`` are those whose efforts are sound by themselves.
-    """
+    """Name axes with each other's effort (``u``, (n, nv)) or position, or the other way round; ``axes`` are sound."""
     limit, of = at.settings, {axis.name: axis for axis in axes}
     own = {name: axis.left for name, axis in of.items()}
     place = {name: machine.axes[name].index for name in own}

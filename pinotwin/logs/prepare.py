@@ -142,11 +142,7 @@ def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) 
 
 
 def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
-    """Return a bound log without the rows that are said to be no measurement.
-
-    Those are (file, from, to) [s] or (file, channel, value), an empty name for all logs. DataError if no row would be
-    left, or a channel is not in the log.
-    """
+    """Return a bound log without rows that are no measurement, by (file, from, to) [s] or (file, channel, value)."""
     if not leave_out or "t" not in log:
         return log
     out = np.zeros(len(log), dtype=bool)

@@ -105,21 +105,13 @@ def _sections(values: Floats, outputs: Floats, inputs: Floats) -> tuple[tuple[Se
 
 @dataclass(frozen=True)
 class Margins:
-    """Stability margins of one axis.
+    """Stability margins of one axis."""
 
-    Attributes:
-        gain: factor by which all feedback gains may grow; infinite if none makes it unstable.
-        phase: at the crossover [deg].
-        delay: further dead time that the loop bears [s].
-        crossover: highest frequency at which the loop has gain 1 [Hz].
-        peak: largest sensitivity |1 / (1 + L)|; 2 is a usual limit.
-    """
-
-    gain: float
-    phase: float
-    delay: float
-    crossover: float
-    peak: float
+    gain: float  # factor by which all feedback gains may grow; infinite if none makes it unstable
+    phase: float  # at the crossover [deg]
+    delay: float  # further dead time that the loop bears [s]
+    crossover: float  # highest frequency at which the loop has gain 1 [Hz]
+    peak: float  # largest sensitivity |1 / (1 + L)|; 2 is a usual limit
 
 
 def _asked(servo: Servo, s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:

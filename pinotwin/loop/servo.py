@@ -182,10 +182,7 @@ class Servo:
         return self.form != "pid" and bool(self.other)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Return 90 % intervals of what :meth:`named` and :meth:`combined` name.
-
-        Where kp and 1/ti are tied those of a cascade hold both ways round.
-        """
+        """Return 90 % intervals of :meth:`named` and :meth:`combined`; where kp and 1/ti are tied, both ways round."""
         told, ends = {**self.named(), **self.combined()}, self._ends()
         out = {}
         for name, error in self.errors.items():

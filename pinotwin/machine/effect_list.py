@@ -19,11 +19,7 @@ _SIGNED = ("eps", "start", "stop", "width", "span")  # may be zero or less; all 
 
 
 def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effect, ...]:
-    """Return the effects of one axis from its YAML list, or MachineError with the path of what is wrong.
-
-    Each item is a name, a mapping of one name to its settings, or an effect or its class. An own effect is
-    named as ``module:Class``.
-    """
+    """Return the effects of one axis from its YAML list: names, settings by name, effects, ``module:Class``."""
     given = read(specs, EffectList, where)
     effects = [_make(spec, axis, rotary, f"{where}[{i}]") for i, spec in enumerate(given)]
     names = [effect.name for effect in effects]

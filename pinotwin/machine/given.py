@@ -15,10 +15,7 @@ MachineLike = Machine | pin.Model | str | Path
 
 
 def as_machine(given: Any, name: str = "machine") -> Machine:
-    """Return a machine as it is, make one of a ``pin.Model``, or load what :meth:`Machine.load` takes.
-
-    Of a model every joint of one degree of freedom is an axis; ``name`` of the argument is for messages.
-    """
+    """Return a machine as it is, of a ``pin.Model`` (every joint an axis) or loaded; ``name`` is for messages."""
     if isinstance(given, Machine):
         return given
     if isinstance(given, pin.Model):

@@ -11,11 +11,7 @@ from pinotwin.errors import MachineError
 
 
 class _Loader(yaml.SafeLoader):
-    """SafeLoader that refuses a key given twice and keeps `y`, `no`, `on` as text.
-
-    YAML 1.1 reads the axis name ``Y`` as text but ``y`` and ``no`` as truth values; axis names must stay
-    names.
-    """
+    """SafeLoader that refuses a key given twice and keeps `y`, `no`, `on` as text: they may name axes."""
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:

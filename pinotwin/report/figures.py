@@ -134,10 +134,7 @@ class Panel:
 def over_time(
     t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 3000
 ) -> go.Figure:
-    """Return plots below each other over times t [s] (m,); they zoom together.
-
-    No line bridges two stretches (``block``, their number by row); about ``points`` of a line are kept, and peaks stay.
-    """
+    """Return plots over t [s] (m,) that zoom together; no line leaves its ``block`` and keeps about ``points``."""
     count, named = len(panels), set[str]()
     tall = [panel.tall for panel in panels]
     figure = make_subplots(count, 1, shared_xaxes=True, row_heights=tall, vertical_spacing=0.04 / count**0.5)

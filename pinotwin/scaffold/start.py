@@ -42,19 +42,12 @@ ROTOR = {True: 0.01, False: 1.0}
 
 @dataclass(frozen=True, repr=False)
 class Start(Card):
-    """A machine folder that was written.
+    """A machine folder that was written."""
 
-    Attributes:
-        folder: where.
-        machine: the machine in it.
-        said: what was assumed, one sentence each.
-        guesses: the log's columns, None without a log.
-    """
-
-    folder: Path
-    machine: Machine
-    said: tuple[str, ...]
-    guesses: Guesses | None
+    folder: Path  # where
+    machine: Machine  # the machine in it
+    said: tuple[str, ...]  # what was assumed, one sentence each
+    guesses: Guesses | None  # the log's columns, None without a log
 
     def _shown(self) -> Shown:
         """Return what was assumed and guessed, for a notebook and for ``repr``."""

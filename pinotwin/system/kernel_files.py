@@ -26,10 +26,7 @@ from numba.misc.appdirs import AppDirs
 
 
 def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
-    """Return numba's function, not compiled yet, that looks for its result on the disk first.
-
-    The globals of ``function`` must hold only what it uses, compiled functions as numba's.
-    """
+    """Return numba's function, compiled by its globals (only what it uses), that looks for itself on the disk first."""
     made: Any = numba.njit(**options)(function)
     folder = _folder()
     if folder is not None and made is not function:  # as it is with NUMBA_DISABLE_JIT

@@ -127,10 +127,7 @@ def append_text(path: Path, text: str) -> None:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield a file to write, of the same suffix; it takes the place of ``path`` only if nothing fails.
-
-    Missing folders are made. On an OutputError (full disk, no permission) the earlier file is kept.
-    """
+    """Yield a file to write, of the same suffix; it takes the place of ``path`` if nothing fails, folders made."""
     target = Path(path).resolve()  # a symbolic link stays one
     if not _is_inside(target):
         check_file(path)
@@ -175,10 +172,7 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def held(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold a file or folder; yield whether it is held: not everywhere are there locks.
-
-    BlockingIOError if another process holds it and this one is not to ``wait``.
-    """
+    """Hold a file or folder; yield whether it is: not all systems can. BlockingIOError if it is not to ``wait``."""
     handle = None
     with ExitStack() as stack:
         if fcntl is not None:

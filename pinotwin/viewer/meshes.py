@@ -26,10 +26,7 @@ GREY: Colour = (0.66, 0.69, 0.72)
 
 @dataclass(frozen=True)
 class Part:
-    """Triangles of one colour (0 to 1), in the frame of their shape: vertices [m] (n, 3), faces (m, 3).
-
-    Where the surface has an edge, a vertex stands once for each side.
-    """
+    """Triangles of one colour (0 to 1): vertices [m] (n, 3) in their shape's frame, twice along edges, faces (m, 3)."""
 
     vertices: Floats
     faces: Ints

@@ -40,10 +40,7 @@ def still(
     size: tuple[int, int] = (760, 480),
     fine: int = 2,
 ) -> Still:
-    """Draw a machine at a posture q (nq,), width and height [pixels], ``fine`` samples of a pixel either way.
-
-    ``colours``: joint name -> colour of what it carries, 0 to 1, grey where it is not named; None: its own.
-    """
+    """Draw a machine at q (nq,), width and height [pixels], ``fine`` samples a pixel, in its or other ``colours``."""
     from PIL import Image
 
     bodies = triangles_of(model, visual, q)

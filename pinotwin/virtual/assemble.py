@@ -43,11 +43,7 @@ def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, di
 
 
 def true_model(truth: Truth, folder: Folder, model: pin.Model) -> tuple[pin.Model, Layout]:
-    """Return the true machine, and where the names sit in it.
-
-    Inertials are perturbed first, with the machine's own seed, so that switching an effect on or
-    off never changes them.
-    """
+    """Return the true machine, inertials perturbed by its own seed first, and where the names sit in it."""
     bodies = perturbed(model, truth.inertial_error, np.random.default_rng([truth.seed, 1]))
     names = list(model.names)[1:]
     for load in truth.payload:

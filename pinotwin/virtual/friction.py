@@ -112,11 +112,7 @@ def _elastoplastic(old, v, most, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def steady_force(P, i, v, z):  # type: ignore[no-untyped-def]
-    """Return the friction effort without the micro-damping of its bristles.
-
-    What a drive transmits is taken with it: the damping answers a change of level within one step, and
-    a level that follows the load would chase its own tail.
-    """
+    """Return the friction effort without the damping of its bristles: a level under load would chase its tail."""
     held = z[i, : c.ELEMENTS].sum() if P[i, c.LAW] == c.GMS else P[i, c.BRISTLE] * z[i, 0]
     return held + P[i, c.VISCOUS] * v + P[i, c.QUADRATIC] * v * abs(v)
 

@@ -26,10 +26,7 @@ RATE = 400.0
 
 
 def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> ImuSensor:
-    """Return an MTi-630 with errors as in thesis Tables 6-3, 6-4 and B-1; ``number`` 1 or 2 is one of its two.
-
-    ``machine_seed`` draws what belongs to sensor and place, ``run_seed`` the rest; ``clock`` as SensorClock has it.
-    """
+    """Return MTi-630 1 or 2 with errors as in thesis Tables 6-3, 6-4, B-1, drawn by machine and run seeds."""
     place = np.random.default_rng([machine_seed, 630, number])
     run = np.random.default_rng([machine_seed, 631, number, run_seed])
     own = mti630(place, min(number, 2))

@@ -174,10 +174,7 @@ def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-u
 
 @kernel
 def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-untyped-def]
-    """Run the machine through all periods of ``drive``; ``state`` is left where it ends, ``record`` filled.
-
-    ``timing`` is the control period [s], updates a period and substeps an update.
-    """
+    """Run a machine through all of ``drive``; ``timing``: control period [s], its updates, and their substeps."""
     period, updates, substeps = timing
     na, P = len(axes.joint), axes.P
     h = period / updates

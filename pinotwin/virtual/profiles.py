@@ -79,10 +79,7 @@ def move_time(distance: float, limits: Limited) -> float:
 def move_pieces(
     start: float, distance: float, limits: Limited, stretch: float = 1.0
 ) -> list[tuple[float, float]]:
-    """Return (start time [s], jerk) of the pieces of a move over a distance [m or rad]; the last one is rest.
-
-    ``stretch`` >= 1 slows it down: speed, acceleration and jerk fall by its powers 1, 2, 3.
-    """
+    """Return (start [s], jerk) of the pieces of a move over a distance [m or rad], rest last, slowed by ``stretch``."""
     ramp, hold, cruise = phases(abs(distance), limits)
     # Where the distance ends inside a phase, the jerk that covers it exactly in these durations.
     reach = ramp * (ramp + hold) * (2.0 * ramp + hold + cruise)
