@@ -9,6 +9,7 @@ import json
 import os
 import signal
 from collections.abc import Callable
+from html import escape
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from pinotwin.bench.engine import engine
 from pinotwin.cli import each, each_table
 from pinotwin.cli.main import main
 from pinotwin.errors import OutputError
+from pinotwin.report.days import days_report, finding
 from pinotwin.system.writing import alone_in
 from tests.rig import good_log, run, write_log, write_machine
 
@@ -100,6 +102,65 @@ def test_the_table_is_also_csv(shop: Path, done: tuple[int, dict]) -> None:
     assert [row["verdict"] for row in rows] == [row["verdict"] for row in done[1]["logs"]]
     assert tuple(rows[0]) == each_table.COLUMNS
     assert rows[2]["causes"].startswith("X.viscous")
+
+
+def test_the_page_says_what_changed_from_which_log_on(shop: Path, done: tuple[int, dict]) -> None:
+    page = (shop / "out" / "each.html").read_text()
+    told = finding(done[1]["logs"])
+    assert told.startswith("Changed in 1 of 3 logs. ")
+    assert "in every log from wednesday on." in told  # of those that were diagnosed
+    assert told.endswith("Not diagnosed: broken.csv.")
+    assert escape(told) in page
+    assert 'href="wednesday/report.html"' in page
+    assert page.count(">unchanged<") == 5  # of two axes
+    assert page.count(">changed<") == 1
+    assert page.count(">not judged<") == 2
+
+
+def _row(name: str, grade: str, *causes: dict, verdict: str = "none", situation: str = "change") -> dict:
+    row = {"log": f"{name}.csv", "folder": f"out/{name}", "verdict": verdict, "situation": situation}
+    gaps = {"X": {"u": {"grade": grade}}}
+    return {**row, "gaps": gaps, "causes": list(causes), "error": None, "sentence": "A story"}
+
+
+def _cause(axis: str | None, after: float) -> dict:
+    size = {"name": "viscous.b", "before": 10.0, "after": after, "unit": "N·s/m", "interval90": [9.0, 31.0]}
+    return {"effect": "viscous", "axis": axis, "confidence": 0.9, "size": size, "sizes": [size]}
+
+
+def _page(*rows: dict) -> str:
+    return days_report({"subject": "twin", "logs": rows}, Path("out"))
+
+
+def test_sentence_and_chips_of_a_page_agree() -> None:
+    calm, near = _row("a", "agrees"), _row("b", "above misfit")
+    moved = _row("c", "gap explained", _cause("X", 20.0), verdict="explained")
+    back, more = _row("d", "agrees"), _row("e", "partly explained", _cause("X", 30.0), verdict="explained")
+    still = _row("f", "not explained", verdict="unexplained")
+    assert finding([calm, near]) == "No change in 2 logs."
+    assert finding([calm, still]) == "A residual without a named cause: f."
+    some = finding([calm, moved, back, more])
+    assert (
+        some
+        == "Changed in 2 of 4 logs. Viscous friction on axis X, b 10 → 30 N·s/m: in 2 of 4 logs, first in c."
+    )
+    assert finding([calm, moved, more]).endswith("in every log from c on.")
+    lost = {**calm, "folder": None, "gaps": {}, "error": "cannot be read"}
+    assert finding([lost]) == "Not diagnosed: a.csv."
+    page = _page(calm, near, moved, back, more, still, lost)
+    counts = {"unchanged": 2, "watch": 1, "changed": 2, "unexplained": 1, "not judged": 1}
+    assert {word: page.count(f">{word}<") for word in counts} == counts
+    assert "A story" in page
+    assert "Numbers that moved" in page
+
+
+def test_the_page_of_a_machine_says_what_its_model_lacks() -> None:
+    rows = [_row("a", "agrees", situation="structure")] * 2
+    assert finding(rows) == "No missing effect in 2 logs."
+    load = _row("b", "gap explained", _cause(None, 20.0), verdict="explained", situation="structure")
+    page = _page(*rows, load)
+    assert "The model lacks an effect in 1 of 3 logs. Viscous friction, b" in page
+    assert (page.count(">agrees<"), page.count(">incomplete<"), page.count("changed")) == (2, 1, 0)
 
 
 def test_a_second_run_works_on_what_is_missing_or_has_changed(
@@ -267,7 +328,9 @@ def test_a_full_disk_ends_the_command_and_costs_no_answer(tmp_path: Path) -> Non
     assert _run(tmp_path, work, "a", "b", "c") == 0
     assert begun == ["a", "b", "b", "c"]
     assert _table(tmp_path) == dict.fromkeys("abc", "none")
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a", "b", "c", "each.csv", "each.json"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        *("a", "b", "c", "each.csv", "each.html", "each.json")
+    ]
 
 
 @pytest.mark.usefixtures("in_this_process")

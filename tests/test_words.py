@@ -27,7 +27,17 @@ from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.simulation import GRADES
 from pinotwin.simulation.run import FORMS
-from pinotwin.system.phrases import ADVERBS, DIAGNOSED, IDENTIFIED, MEANING, REGIONS, SIMULATED, STUDIED
+from pinotwin.system.phrases import (
+    ADVERBS,
+    DAYS,
+    DIAGNOSED,
+    IDENTIFIED,
+    LACKING_DAYS,
+    MEANING,
+    REGIONS,
+    SIMULATED,
+    STUDIED,
+)
 from tests.conftest import ROOT
 
 LONGEST = 30
@@ -140,7 +150,7 @@ def test_a_page_is_in_plain_words() -> None:
 
 
 def texts() -> Iterator[str]:
-    for table in (MEANING, IDENTIFIED, ADVERBS, SIMULATED, DIAGNOSED, REGIONS, STUDIED):
+    for table in (MEANING, IDENTIFIED, ADVERBS, SIMULATED, DIAGNOSED, DAYS, LACKING_DAYS, REGIONS, STUDIED):
         yield from table.values()
     yield from (printed(grade) for grade in (*KIND, *GRADES))
     yield from (meaning for _, meaning in GRADES.values())

@@ -49,10 +49,10 @@ def run(
             cross-validated on LOG)
         quick: screen only: fewer draws, one effect
         fail_on_gap: exit 1 unless the verdict is none
-        each: diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, one table
-            of all (each.csv, each.json); run again, it goes on with what is missing or has changed. Exit code 2 if a
-            log could not be diagnosed (a line of the table; the others are done all the same), else 1 with
-            --fail-on-gap and any verdict but none, else 0
+        each: diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, a page and
+            a table of all (each.html, each.csv, each.json); run again, it goes on with what is missing or has
+            changed. Exit code 2 if a log could not be diagnosed (a line of the table; the others are done all the
+            same), else 1 with --fail-on-gap and any verdict but none, else 0
         workers (N): processes of --each (default: one for each processor)
         out (PATH): folder for diagnosis.json and its files
     """

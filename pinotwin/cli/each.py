@@ -26,7 +26,7 @@ from pinotwin.cli.inputs import distinct, files_of
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError, OutputError
 from pinotwin.system.threads import one_blas_thread
-from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder, write_json
+from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder, write_json, write_text
 
 RECORD = "made_of.json"
 ENDINGS = (
@@ -91,8 +91,11 @@ def each_answered(
         with Table(out, asked.subject, [job.log for job in jobs], kept) as table:
             _do([job for job in jobs if job.log not in kept], one, table, workers)
     document = table.document()
+    from pinotwin.report.days import days_report
+
+    write_text(out / "each.html", days_report(document, out))
     lines = lines_of(document, time.monotonic() - started)
-    last = f"table written to {out / 'each.csv'} and each.json; a folder for every log beside them"
+    last = f"written to {out}: each.html, each.csv, each.json and a folder for every log; open {out / 'each.html'}"
     return Answer([*lines, last], document, _code(document["logs"], fail_on_gap, out))
 
 

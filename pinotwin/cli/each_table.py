@@ -85,10 +85,11 @@ def answered(log: str, folder: Path, found: Mapping[str, Any], seconds: float) -
         "after": _of_signal(gap, "after"),
         "misfit": _of_signal(gap, "misfit"),
         "causes": [
-            {"axis": e["axis"], "effect": e["effect"], "confidence": e["confidence"], "size": e["size"]}
-            for e in found["effects"]
+            {k: e.get(k) for k in ("axis", "effect", "confidence", "size", "sizes")} for e in found["effects"]
         ],
         "gaps": found["gap"],
+        "sentence": found.get("sentence", ""),
+        "situation": found.get("situation", "change"),
         "seconds": round(seconds, 2),
         "folder": str(folder),
         "error": None,
@@ -115,7 +116,8 @@ def failed(log: str, error: BaseException) -> dict[str, Any]:
 
 def _without_answer(log: str, verdict: str, error: str | None) -> dict[str, Any]:
     blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
-    return {"log": log, "verdict": verdict, **blank, "causes": [], "gaps": {}, "error": error}
+    said = {"sentence": "", "situation": ""}
+    return {"log": log, "verdict": verdict, **blank, "causes": [], "gaps": {}, **said, "error": error}
 
 
 def _csv(rows: Iterable[Sequence[Any]]) -> str:

@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 
 from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title
 from pinotwin.analysis.diagnoses import Diagnoses
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
@@ -70,21 +71,24 @@ def diagnoses_report(found: Diagnoses) -> str:
         "found": found,
         "tiles_": tiles(verdicts),
         "causes": table(("effect", "axis", *found.labels), causes) if causes else "",
-        "series": _pairs(_gap_series(found)) if len(found.labels) > 2 else [],
+        "series": in_pairs(_gap_series(found)) if len(found.labels) > 2 else [],
         "gaps": table(("axis", "signal", *found.labels), gaps),
     }
     return Page("Diagnoses side by side", " · ".join(found.labels), template="diagnoses", given=given).html()
 
 
-def _pairs(plots: Sequence[Plot]) -> list[Block]:
+def in_pairs(plots: Sequence[Plot]) -> list[Block]:
+    """Return plots side by side, two in a row."""
     return [Group(tuple(plots[k : k + 2])) for k in range(0, len(plots), 2)]
 
 
-def _over_labels(
-    labels: Sequence[str], y: Sequence[float | None], colour: str, error: Sequence[float] | None = None
+def over_labels(
+    labels: Sequence[str],
+    y: Sequence[float | None],
+    colour: str,
+    ends: tuple[Floats, Floats] | None = None,
 ) -> go.Figure:
-    """Return values from twin to twin, or from diagnosis to diagnosis, as a line through marks."""
-    ends = None if error is None else (np.array(error), np.array(error))
+    """Return values from one twin, diagnosis or log to the next, as a line through marks with bars (n,) up and down."""
     marks = points(list(labels), list(y), "", colour, ends)
     return style(go.Figure(marks.update(mode="lines+markers", line_width=1.5)), 240, legend=False)
 
@@ -98,7 +102,7 @@ def _gap_series(found: Diagnoses) -> list[Plot]:
         shares = [100.0 * row["nrmse"] if row.get("nrmse") is not None else None for row in rows]
         if rows:
             words = [printed(str(row.get("grade", ""))) for row in rows]
-            figure = _over_labels(found.labels, shares, ACCENT)
+            figure = over_labels(found.labels, shares, ACCENT)
             looks = {"mode": "lines+markers+text", "textposition": "top center", "cliponaxis": False}
             figure.update_traces(text=words, **looks)
             figure.update_yaxes(title_text="residual of the effort [%]", rangemode="tozero")
@@ -109,12 +113,12 @@ def _gap_series(found: Diagnoses) -> list[Plot]:
 def _cause(effect: object) -> str:
     if not isinstance(effect, dict):
         return "not named"
-    sizes = "; ".join(size_text(size) for size in told(_sizes(effect.get("sizes", effect.get("size"))))[:2])
+    sizes = "; ".join(size_text(size) for size in told(sizes_of(effect.get("sizes", effect.get("size"))))[:2])
     sure = f"{float(effect.get('confidence') or 0.0):.0%}"
     return f"{sizes} ({sure})" if sizes else sure
 
 
-def _sizes(rows: object) -> list[Size]:
+def sizes_of(rows: object) -> list[Size]:
     """Return the sizes of an effect of diagnosis.json; none of one that is not as it should be."""
     out = []
     for row in rows if isinstance(rows, list) else ():
@@ -156,13 +160,13 @@ def _tiles(found: Comparison) -> Html:
 def _moved(found: Comparison, most: int = 12) -> list[Block]:
     """Return plots of what moved: of a series each parameter, ``most`` at most, else all changes in one."""
     if len(found.labels) <= 2:
-        return _pairs([_changes(found)]) if found.moved else []
+        return in_pairs([_changes(found)]) if found.moved else []
     plots = []
     for row in (*found.moved[:most], *found.retuned):
-        error = [Z90 * e for e in row.errors]
-        figure = _over_labels(found.labels, row.values, effect_colour(row.effect), error)
+        error = Z90 * np.array(row.errors)
+        figure = over_labels(found.labels, row.values, effect_colour(row.effect), (error, error))
         plots.append(Plot(figure.update_yaxes(title_text=row.unit), row.name, "bars: 90 % interval"))
-    return _pairs(plots)
+    return in_pairs(plots)
 
 
 def _changes(found: Comparison) -> Plot:

@@ -200,6 +200,33 @@ DIAGNOSED = {
 }
 """What the page of `diagnose` says first; under a grade, what is said of an axis with it."""
 
+DAYS = {
+    "title": "State of every axis",
+    "same": "unchanged",
+    "watch": "watch",
+    "moved": "changed",
+    "open": "unexplained",
+    "left": "A residual without a named cause: {logs}.",
+    "unjudged": "not judged",
+    "none": "No change in {logs} logs.",
+    "changed": "Changed in {count} of {logs} logs.",
+    "since": "{what}: in every log from {log} on.",
+    "some": "{what}: in {count} of {logs} logs, first in {log}.",
+    "lost": "Not diagnosed: {logs}.",
+    "numbers": "Numbers that moved",
+    "bars": "Bars: 90 % interval. A log without a mark does not show the cause.",
+}
+"""What the page of ``diagnose --each`` says of the logs of a twin."""
+
+LACKING_DAYS = {
+    "same": "agrees",
+    "moved": "incomplete",
+    "none": "No missing effect in {logs} logs.",
+    "changed": "The model lacks an effect in {count} of {logs} logs.",
+    "numbers": "Numbers that are missing",
+}
+"""The same of the logs of a machine, where it is another."""
+
 MEANING: dict[str, str] = {
     "agrees": "the residual is no larger than the noise",
     "within misfit": "above the noise, but no larger than the twin's expected error",
