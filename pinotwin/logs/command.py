@@ -51,9 +51,9 @@ def late_by(motion: Motion, j: int, settings: Settings, most: int = 40_000) -> i
 
 def _late(motion: Motion, j: int, rows: Ints, reach: int, settings: Settings) -> int:
     """Return by how many rows the command of a joint comes late; 0 where that is not sure."""
-    block = np.unique(((motion.t[rows] - motion.t[0]) // 1.0).astype(int), return_inverse=True)[1]
+    edges = np.flatnonzero(np.diff((motion.t[rows] - motion.t[0]) // 1.0)) + 1
     lags = np.arange(-reach, reach + 1)
-    left = np.array([_left(motion, j, rows, block, int(k)) for k in lags])
+    left = np.array([_left(motion, j, rows, edges, int(k)) for k in lags])
     best = int(np.argmin(left.sum(axis=1)))
     gain = np.log(left[reach] / np.maximum(left[best], 1e-300))
     error = float(np.std(gain)) / np.sqrt(len(gain))
@@ -62,25 +62,16 @@ def _late(motion: Motion, j: int, rows: Ints, reach: int, settings: Settings) ->
     return int(lags[best]) if sure else 0
 
 
-def _left(motion: Motion, j: int, rows: Ints, block: Ints, lag: int) -> Floats:
-    """Return the squared error of every block, foretold from all others, with the command of so many rows later."""
+def _left(motion: Motion, j: int, rows: Ints, edges: Ints, lag: int) -> Floats:
+    """Return the squared error of every block between edges, foretold from others, with the command so many rows on."""
     assert motion.qr is not None
     qr = np.roll(motion.qr[:, j], -lag)
     e, vr = qr - motion.q[:, j], np.gradient(qr, motion.step)
-    columns = [
-        e,
-        np.cumsum(e) * motion.step,
-        motion.v[:, j],
-        vr,
-        np.gradient(vr, motion.step),
-        np.ones(len(e)),
-    ]
-    X, y = np.column_stack(columns)[rows], motion.u[rows, j]
+    law = [e, np.cumsum(e) * motion.step, motion.v[:, j], vr, np.gradient(vr, motion.step), np.ones(len(e))]
+    X, y = np.column_stack(law)[rows], motion.u[rows, j]
     X = X / np.maximum(np.abs(X).max(axis=0), 1e-300)
-    parts = [(X[block == b], y[block == b]) for b in range(block.max() + 1)]
+    parts = list(zip(np.split(X, edges), np.split(y, edges), strict=True))
     G, g = np.array([x.T @ x for x, _ in parts]), np.array([x.T @ z for x, z in parts])
-    others = [
-        np.linalg.lstsq(G.sum(axis=0) - a, g.sum(axis=0) - b, rcond=1e-12)[0]
-        for a, b in zip(G, g, strict=True)
-    ]
+    rest = zip(G.sum(axis=0) - G, g.sum(axis=0) - g, strict=True)
+    others = [np.linalg.lstsq(a, b, rcond=1e-12)[0] for a, b in rest]
     return np.array([np.sum((z - x @ c) ** 2) for (x, z), c in zip(parts, others, strict=True)]) + 1e-300
