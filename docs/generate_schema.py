@@ -13,7 +13,7 @@ from pinotwin.machine.loading import REQUIRED, MachineFile
 from pinotwin.system.reading import schema
 from pinotwin.twin.files import twin_schema
 
-KINDS: dict[type, str] = {str: "string", bool: "boolean", list: "array", dict: "object"}
+KINDS: dict[type, str] = {str: "string", bool: "boolean", int: "integer", list: "array", dict: "object"}
 """Type of a value -> its name in a schema."""
 
 

@@ -17,7 +17,10 @@ _REV = 2.0 * math.pi
 _G = 9.80665
 
 _SIZES = (
-    (1.0, "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law"),
+    (
+        1.0,
+        "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law magnitude",
+    ),
     (1.0, "°C K Hz"),
     (1e3, "kN kNm kA kW kHz"),
     (60.0, "min"),
@@ -37,6 +40,8 @@ _SIZES = (
     (1e-9, "ns nm"),
 )
 
+MAGNITUDE = "magnitude"
+"""Unit of an effort whose sign is lost: it is not used."""
 COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse", "pulses")
 """Encoder counts have no size of their own: a column's `factor` must say how large one is."""
 

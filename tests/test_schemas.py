@@ -40,6 +40,6 @@ def test_a_diagnosis_is_of_its_schema(tmp_path: Path) -> None:
     content = json.loads((pt.diagnose("emps", log, quick=True).save(tmp_path) / "diagnosis.json").read_text())
     check = jsonschema.Draft202012Validator(MADE["SCHEMAS"]["diagnosis"]())
     assert not list(check.iter_errors(content))
-    assert list(check.iter_errors(content | {"schema": 1}))
+    assert list(check.iter_errors(content | {"schema": 0}))
     assert list(check.iter_errors(content | {"verdict": "well"}))
     assert list(check.iter_errors({k: x for k, x in content.items() if k != "verdict"}))

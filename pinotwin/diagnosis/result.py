@@ -286,7 +286,7 @@ class Diagnosis(Drawn):
         """Return the content of diagnosis.json, in JSON's own types."""
         out = plain(
             {
-                "schema": "pinotwin.diagnosis/1",
+                "schema": 1,
                 "verdict": self.verdict,
                 "sentence": self.sentence,
                 "gap": {

@@ -83,16 +83,15 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
     for key in REQUIRED:
         if not file.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
-    laws = {name: axis.pop("effort", file.get("effort")) for name, axis in file["axes"].items()}
-    laws = {f"{name}.u": law for name, law in laws.items() if law}
-    if laws:
-        spec = {**spec, "columns": {**laws, **(spec.get("columns") or {})}}
+    efforts, weightless = sections.efforts(file["axes"], file.get("effort"))
+    if efforts:
+        spec = {**spec, "columns": {**efforts, **(spec.get("columns") or {})}}
     parts = {"axes": file["axes"], "passive": file.get("passive", {})}
     _check_words(file["name"], file["urdf"], parts)
     urdf = path.parent / file["urdf"]
     joints = _joints(urdf, parts)
     model = load_model(urdf, list(joints.values()))
-    model.gravity.linear = np.array(file.get("gravity", GRAVITY))
+    model.gravity.linear = np.zeros(3) if weightless else np.array(file.get("gravity", GRAVITY))
     places = {name: _place(name, joint, model) for name, joint in joints.items()}
     axes = {name: _axis(places[name], stated) for name, stated in parts["axes"].items()}
     passive = {name: Passive(**{**stated, **places[name]}) for name, stated in parts["passive"].items()}
@@ -111,7 +110,7 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         passive=passive,
         imus=sections.imus(file.get("imus", {}), urdf),
         loop=sections.loops(file, tuple(axes)),
-        columns=sections.columns({**laws, **file.get("columns", {})}, (*axes, *passive), model),
+        columns=sections.columns({**efforts, **file.get("columns", {})}, (*axes, *passive), model),
         transmission=sections.transmission(file.get("transmission", {}), axes, model.nv),
         data=sections.data_settings(file.get("data", {})),
         spec=spec,

@@ -26,8 +26,8 @@ _Feedforward = Annotated[
 ]
 _Drop = Annotated[Count | list[Count], Meta(description="samples at the start and the end")]
 _Effort = Annotated[
-    dict[str, str | Number],
-    Meta(description="the law of a servo whose torque is not logged: {law: pd, kp: 40}"),
+    dict[str, str | Number | dict[str, dict[str, Number]]],
+    Meta(description="what the logged effort is: {kind: current}, or a law that makes it: {law: pd, kp: 40}"),
 ]
 _Time = Annotated[Number | str, Meta(description="a time such as 3.5 ms")]
 _Row = (
@@ -56,7 +56,8 @@ class Axis:
         min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
         min_acceleration: unless they accelerate harder than this [m/s² or rad/s²].
         lead: time by which its logged effort is ahead of its position [s]; None leaves it to `identify`.
-        effort: the law ``{law: pd, kp: ..., kd: ...}`` of a servo whose torque is not logged, as columns have it.
+        effort: what the logged effort is, ``{kind: raw}``, ``gravity_compensated``, ``magnitude``, ``percent`` or
+            ``current``; or the law ``{law: pd, kp: ..., kd: ...}`` of a servo whose torque is not logged.
     """
 
     name: str = field(metadata=from_file())

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +17,9 @@ from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, POSITIONS, Column, is_c
 from pinotwin.errors import MachineError, nearest, require
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
 from pinotwin.machine.urdf_check import read_tree
+from pinotwin.system.phrases import joined
 from pinotwin.system.reading import Number, known_key, read, read_keys
-from pinotwin.units import SI_FACTOR
+from pinotwin.units import MAGNITUDE, SI_FACTOR
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
 _FACTOR = Annotated[Number | str, Meta(description="a number, or the name of one in the log")]
@@ -26,6 +27,8 @@ _COLUMN: dict[str, Any] = {"column": str | int, "unit": str, "factor": _FACTOR} 
     ("offset", "rate", "wrap", "kp", "kd", "found"), Number
 )
 _COLUMN |= {"law": Annotated[str, Meta(pattern="^pd$", description="pd")]}
+_Kind = Literal["raw", "gravity_compensated", "magnitude", "percent", "current"]
+_UNITS = {"percent": {"unit": "%"}, "current": {"unit": "A"}, "magnitude": {"unit": MAGNITUDE}}
 
 
 def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
@@ -77,6 +80,29 @@ def columns(stated: Mapping[str, Any], names: tuple[str, ...], model: pin.Model)
         if owner and signal in LOAD_SIGNALS and owner not in frames:
             raise MachineError(f"columns.{channel}: no link {owner!r}; {nearest(owner, frames)}")
     return columns
+
+
+def efforts(axes: Mapping[str, dict[str, Any]], of_all: Any) -> tuple[dict[str, dict[str, Any]], bool]:
+    """Return the columns that `effort` of the axes makes, and whether their weight was taken out of all of them."""
+    out, kinds = {}, {}
+    for name, axis in axes.items():
+        where = f"axes.{name}.effort"
+        given = dict(axis.pop("effort", of_all) or {})
+        kinds[name] = read(given.pop("kind", "raw"), _Kind, f"{where}.kind")
+        if isinstance(given.get("law"), Mapping):
+            law = read(given.pop("law"), dict[str, dict[str, Number]], f"{where}.law")
+            given |= {"law": next(iter(law), ""), **next(iter(law.values()), {})}
+        unit = _UNITS.get(kinds[name], {})
+        if given or unit:
+            out[f"{name}.u"] = {**({} if given else {"column": f"{name}.u"}), **unit, **given}
+    bare = [name for name, kind in kinds.items() if kind == "gravity_compensated"]
+    if bare and len(bare) < len(kinds):
+        rest = joined([name for name in kinds if name not in bare])
+        raise MachineError(
+            f"axes.{bare[0]}.effort.kind: gravity_compensated holds for all axes or for none; log the effort of "
+            f"{joined(bare)} with its weight, or state the kind of {rest} too"
+        )
+    return out, bool(bare)
 
 
 def parse_columns(stated: Any) -> dict[str, Column]:
