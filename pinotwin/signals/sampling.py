@@ -13,10 +13,7 @@ from pinotwin.errors import DataError
 
 
 def joined(t: Floats, pause: float = np.inf) -> list[slice]:
-    """Return the rows of every log of those that were joined: time, (n,), falls back where the next one begins.
-
-    A longer ``pause`` [s] parts a log as well.
-    """
+    """Return the rows of every log that was joined: time (n,) falls back between two or a ``pause`` [s] is longer."""
     step = np.diff(t)
     ends = np.flatnonzero((step < 0.0) | (step > pause)) + 1
     return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(t)])]
@@ -79,10 +76,7 @@ def _rows(breaks: Mask) -> tuple[int, ...]:
 
 
 def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
-    """Return the stretches in which every interval of t, (n,) [s], is within half a step of the median one.
-
-    A stretch also breaks at a row that is not ``valid``.
-    """
+    """Return the ``valid`` stretches in which every interval of t (n,) [s] is within half a step of the median one."""
     dt = np.diff(t)
     step = clock(t).step
     good = np.isfinite(t) if valid is None else np.isfinite(t) & valid
@@ -93,10 +87,7 @@ def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
 
 
 def lagrange_error(t: Floats, x: Floats) -> Floats:
-    """Return how far samples (n, k) lie from the cubic through their two neighbours on either side, (n - 4, k).
-
-    Times t, (n,), increase; by Lagrange's formula.
-    """
+    """Return how far samples (n, k) at times (n,) lie from the cubic through two neighbours each side, (n - 4, k)."""
     near = [t[k : len(t) - 4 + k] for k in (0, 1, 3, 4)]
     error = np.array(x[2:-2], dtype=float)
     for i, k in enumerate((0, 1, 3, 4)):
@@ -111,10 +102,7 @@ def lagrange_error(t: Floats, x: Floats) -> Floats:
 def uniform(
     t: Floats, x: Floats, rate: float, stretches: Sequence[slice]
 ) -> tuple[Floats, Floats, tuple[slice, ...]]:
-    """Interpolate linearly onto a grid of ``rate`` [Hz] within each stretch; nothing is made up between them.
-
-    Takes time (n,) [s] and samples (n, k); returns them, (m,) and (m, k), and the new stretches.
-    """
+    """Return times (m,) [s] and samples (m, k) on a grid of ``rate`` [Hz] in each stretch, and the new stretches."""
     times, values, parts = [], [], []
     done = 0
     for part in stretches:
