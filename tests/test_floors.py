@@ -198,6 +198,7 @@ CIRCLES = {
     },
     "known: Twin's verbs stand on Twin": {
         "simulation",
+        "simulation.beyond",
         "simulation.prediction",
         "simulation.run",
         "twin",

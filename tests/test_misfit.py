@@ -16,6 +16,8 @@ from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.identification.misfit import correlation_time, own_residual
+from pinotwin.simulation.beyond import beyond
+from pinotwin.simulation.command import request
 from pinotwin.solve.crossval import held_out
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.stacked import AxisRows, stack
@@ -162,3 +164,29 @@ def test_correlation_time_of_a_known_process() -> None:
         x[k] = phi * x[k - 1] + noise[k]
     expected = 0.001 * (0.5 + phi / (1.0 - phi))
     assert correlation_time(x, [slice(0, n)], 0.001) == pytest.approx(expected, rel=0.25)
+
+
+def test_a_command_beyond_the_travel_is_said_with_the_error_to_expect(twin: pt.Twin) -> None:
+    """Inside the travel nothing is said; outside it may be as far off as the last value is from those of the travel."""
+    assert twin.misfit is not None
+    own = twin.misfit.motion
+    t = np.arange(0.0, 4.0, 0.002)
+    table, theta = next((e, x) for e, x in twin.pairs if e.name == "position_table" and e.axis == "Y")
+    along = table.columns(own).effort(theta, twin.machine.nv)[:, 0]
+    held = along[np.argmax(own.q[:, 0])]
+    size = np.sqrt(np.mean((along - held) ** 2))
+    low, high = own.q[:, 0].min(), own.q[:, 0].max()
+
+    def notes(first: float, last: float) -> tuple[str, ...]:
+        middle = np.median(own.q, axis=0)[None] * np.ones((len(t), 1))
+        middle[:, 0] = first + 0.5 * (last - first) * (1.0 - np.cos(t))
+        log = pt.Log({"t": t, **{f"{a}.qr": x for a, x in zip(own.names, middle.T, strict=True)}})
+        return beyond(twin, request(twin.machine, log))
+
+    dense = np.quantile(own.q[:, 0], [0.4, 0.6])
+    assert not any("Y at" in x for x in notes(*dense))
+    (said,) = notes(0.5 * (low + high), high + 0.06)
+    assert said.startswith("the command leaves what the twin knows: Y at ")
+    error = float(said.split("effort error of ")[1].split(" N")[0])
+    own_size = twin.misfit.summary["Y"]["moving"]
+    assert 0.8 * size < error < 1.3 * np.hypot(size, own_size)

@@ -24,9 +24,8 @@ from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
-from pinotwin.motion import Motion
+from pinotwin.simulation.beyond import unsure
 from pinotwin.system.writing import as_path
-from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 
 
@@ -109,11 +108,11 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1
         raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     motion = twin.motion(log)
     inside = motion.inside
-    residual, unsure = twin.residual(motion)[inside], _unsure(twin, motion, twin.misfit.motion)[inside]
+    residual, error = twin.residual(motion)[inside], unsure(twin, motion, twin.misfit.motion)[inside]
     names = [name for name in twin.machine.axes if name in twin.misfit.summary]
     columns = [twin.machine.axes[name].index for name in names]
     left = [_left(twin.misfit.summary[n], motion.use[inside, j]) for n, j in zip(names, columns, strict=True)]
-    half = z * np.hypot(np.stack(left, axis=1), unsure[:, columns])
+    half = z * np.hypot(np.stack(left, axis=1), error[:, columns])
     found = ExternalEffort(
         t=motion.t[inside],
         names=tuple(names),
@@ -131,18 +130,6 @@ def _left(summary: Mapping[str, Any], moving: Mask) -> Floats:
     """Return what the twin leaves at every row: its misfit in motion, or that at rest where it is known."""
     at_rest = summary["resting"] if summary["resting"] is not None else summary["rms"]
     return np.where(moving, summary["moving"], max(at_rest, summary["moving"]))
-
-
-def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
-    """Return the error of the twin's effort in a motion, (n, nv) [N or N·m]; of an unknown effect its whole size."""
-    error = twin.effort_error(motion)
-    for effect, theta in twin.pairs:
-        strange = ~effect.known(motion)
-        if strange.any():
-            j = twin.machine.axes[str(effect.axis)].index
-            size = np.std(effect.columns(own).effort(theta, twin.machine.nv)[:, j])
-            error[strange, j] = np.hypot(error[strange, j], size)
-    return error
 
 
 @dataclass(frozen=True, eq=False)

@@ -246,8 +246,7 @@ class Backlash(OneAxis):
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """Return gaps [m or rad], modes [Hz] and damping ratios of the contact, some softer than faces are.
 
-        The path is not known well enough to predict each impact, and the mean over unpredictable impacts settles
-        more slowly than one of them.
+        The path does not predict each impact, and the mean over unpredictable impacts settles more slowly than one.
         """
         return self._usual() * GAPS, np.array([90.0, 150.0, 220.0, 300.0]), np.array([0.2, 0.35])
 

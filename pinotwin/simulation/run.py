@@ -17,6 +17,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
 from pinotwin.simulation import coupled_kernel, kernel
+from pinotwin.simulation.beyond import beyond
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
 from pinotwin.simulation.law import LONGEST, law_rows, substeps
@@ -99,7 +100,7 @@ def simulate(
     return Prediction(
         channels,
         source=f"simulation of {asked.source}",
-        notes=found.notes,
+        notes=(*found.notes, *beyond(twin, asked)),
         twin=twin,
         command=bound(machine, log),
         controller=controller if isinstance(controller, str) else "given" if controller else preferred(twin),

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+BEYOND = {
+    "note": "the command leaves what the twin knows: {axes}",
+    "axis": "{axis} at {places} {unit} ({share:.0%} of the time), expect an effort error of {error:.3g} {effort} there",
+}
+
 LOG = {
     # the clock
     "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in "
