@@ -53,10 +53,7 @@ class Tables:
 def tabulate(
     machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
 ) -> Tables:
-    """Return the tables of all effects with their coefficients, over a travel, shape (2, nv), and up to a speed (nv,).
-
-    The rigid body is left out, and viscous and spring effects too: they belong to the linear part (C and K).
-    """
+    """Return the tables of effects but rigid body, viscous and spring, over a travel, shape (2, nv), up to a speed."""
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
     partners: list[tuple[int, int, float, float, float]] = []
@@ -72,7 +69,9 @@ def tabulate(
         forms.setdefault(effect.depends, []).append((effect, theta))
     sliding = [(i, j, c) for i, j, _, _, c in partners if c != 0.0]
     position, place, grid = _positions(machine, forms.get("position", ()), travel)
-    plain = _merge(machine, forms.get("velocity", ()), lambda *_: 0.0, lambda f, i: _signs(f, v[i]))
+    plain = _merge(
+        machine, forms.get("velocity", ()), lambda *_: 0.0, lambda f, i: np.stack([f(v=v[i]), f(v=-v[i])])
+    )
     dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
     slip = _merge(
         machine, forms.get("displacement", ()), lambda e, _: _bend(e), lambda f, i: _sliding(f, v[i])
@@ -146,11 +145,7 @@ def _effort(
 
 
 def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats) -> tuple[Floats, Floats]:
-    """Return the sum of position efforts on an even grid, and the grid's start and spacing.
-
-    The grid is refined until linear interpolation will do. Knots of a table lie on the grid, so that
-    its corners cost nothing.
-    """
+    """Return the sum of position efforts on an even grid, so fine that lines between will do; its start and spacing."""
     if not efforts:
         return np.zeros(1), np.array([travel[0], 1.0])
     start, spacing = _first_grid(effects, travel)
@@ -210,11 +205,6 @@ def _merge(
 def _level(c: float) -> Floats:
     """Return g+ and g- of plain dry friction."""
     return np.stack([np.full(SPEEDS + 1, c), np.full(SPEEDS + 1, -c)])
-
-
-def _signs(effort: _Effort, v: Floats) -> Floats:
-    """Return f(|v|) and f(-|v|)."""
-    return np.stack([effort(v=v), effort(v=-v)])
 
 
 def _width(effect: Effect, rotary: bool) -> float:
