@@ -35,10 +35,9 @@ def _waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
 
 
 def _even(lower: float, upper: float, count: int) -> Floats:
-    """Return pitches between bounds, uniform in spatial frequency.
+    """Return pitches between bounds, uniform in spatial frequency: over a travel L, sinusoids 1/L apart are told apart.
 
-    A sinusoid seen over a travel L is told from its neighbour when their frequencies differ by 1/L;
-    a quarter of that leaves every basin of the search with a start of its own.
+    A quarter of that leaves every basin of the search with a start of its own.
     """
     return 1.0 / np.linspace(1.0 / upper, 1.0 / lower, count)
 

@@ -73,10 +73,9 @@ def _carried(
 ) -> Floats:
     """Return the effort per inertia that a drive with a gap carries, given the motor's path.
 
-    The load (unit inertia) follows ``x'' + extra = T``, ``T = w^2 dz(q - x; gap) + 2 zeta w (q' - x')``
-    in contact; ``extra`` is what else acts on it, per inertia; ``ratio`` as in :func:`_sprung`. Leapfrog
-    steps; the effort of a sample is the mean over half a step before and after it: a mean over the step
-    before it comes late, which of a small gap would be most that is seen.
+    The load (unit inertia) follows ``x'' + extra = T``, ``T = w^2 dz(q - x; gap) + 2 zeta w (q' - x')`` in contact;
+    ``extra`` is what else acts on it, per inertia; ``ratio`` as in :func:`_sprung`. Leapfrog steps; the effort of a
+    sample is the mean over half a step before and after it: one over the step before it comes late.
     """
     parts = 2 * max(2, int(np.ceil(0.5 * step * w / 0.3)))
     h = step / parts
@@ -101,11 +100,7 @@ def _carried(
 
 
 def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0) -> int:
-    """Return where a spring may be at rest when a stretch begins: amid the steadiest ``period`` [s] of its load (n,).
-
-    How a load swings when a log begins is not known, and a swing that is guessed wrongly rings on for seconds. So long
-    a ``beginning`` [s] holds the place; before it the spring is taken to be stiff.
-    """
+    """Return where a spring may rest in the ``beginning`` [s]: amid the steadiest ``period`` [s] of its load (n,)."""
     width = max(2, round(period / step))
     first = load[: max(width + 1, min(round(beginning / step), len(load) // 2))]
     if len(first) <= width:
@@ -116,10 +111,9 @@ def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0)
 
 
 def _posture(own: Floats, least: float = 0.05) -> Floats:
-    """Return the mean inertia behind the spring over that of every row, shape (n,).
+    """Return the mean inertia behind the spring over that of every row, shape (n,), above ``least`` of the mean.
 
-    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture. ``least``
-    of the mean inertia stays behind the spring in every posture.
+    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture.
     """
     mean = float(np.mean(own))
     behind = np.maximum(own - (1.0 - LOAD) * mean, least * mean)
@@ -252,8 +246,7 @@ class Backlash(OneAxis):
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """Return gaps [m or rad], modes [Hz] and damping ratios of the contact, some softer than faces are.
 
-        The path is not known well enough to predict each impact, and the mean over unpredictable impacts settles
-        more slowly than one of them.
+        The path does not predict each impact, and the mean over unpredictable impacts settles more slowly than one.
         """
         return self._usual() * GAPS, np.array([90.0, 150.0, 220.0, 300.0]), np.array([0.2, 0.35])
 

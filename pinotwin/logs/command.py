@@ -67,10 +67,7 @@ def _late(motion: Motion, j: int, rows: Ints, reach: int, settings: Settings) ->
 
 
 def _left(motion: Motion, j: int, rows: Ints, edges: Ints, lag: int, turn: Sequence[float]) -> Floats:
-    """Return the squared error of every block between edges, foretold from others, with the command so many rows on.
-
-    Dry friction beside turns over each share ``turn`` of the top speed.
-    """
+    """Return the squared error of every block, foretold from others: command so many rows on, friction beside."""
     assert motion.qr is not None
     qr = np.roll(motion.qr[:, j], -lag)
     e, v, vr = qr - motion.q[:, j], motion.v[:, j], np.gradient(qr, motion.step)

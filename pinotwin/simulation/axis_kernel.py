@@ -133,8 +133,7 @@ _plain, _whole = _loop(_nothing), _loop(_further)
 def run(axis: Axis, tables: Lookup, course: Course, start: Floats) -> Floats | None:
     """Return e and u, shape (n, 2), from position, velocity and effort ``start`` on; None where the axis runs away.
 
-    The state is handed on as plain numbers, and an axis of viscous and dry friction has a loop of its own: arrays,
-    and what is never done, triple the time of a step.
+    An axis of viscous and dry friction has a loop of its own: what is never done triples the time of a step.
     """
     slips, z, out = len(tables.slips), np.zeros, np.empty((len(course.qr), 2))
     loop = _whole if slips or len(tables.speeds) else _plain

@@ -194,10 +194,7 @@ def _joint_commands(machine: Machine, log: Log) -> Floats:
 
 
 def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats, block: int = 50000) -> Floats:
-    """Return J(q)^T f of the logged loads, at the commanded posture.
-
-    The tracking error turns J by micrometres over the arm of the load: not worth a loop.
-    """
+    """Return J(q)^T f of the logged loads, at the commanded posture: the tracking error hardly turns J."""
     wrenches = loads(machine, log)
     total = np.zeros((len(q) if wrenches else 1, machine.nv))
     for link, logged in wrenches.items():
@@ -215,11 +212,9 @@ def beginning(
 ) -> tuple[Floats, Floats]:
     """Return position and velocity of the two rows that a machine begins with, shape (2, nv) each.
 
-    They are those of the command (n, nv), unless it cannot have come in so. A simulation begins in equilibrium
-    with velocity and acceleration of the command, as a log that was cut out of a motion does. An axis that
-    stands (slower than the share ``stands`` of its top speed) has no acceleration yet, whatever the first move
-    asks for, and one whose command begins with a step (``jump`` times the acceleration of the next ``rows``)
-    had the velocity of the rows after it: an integral would be wound up for the step's acceleration.
+    They are those of the command (n, nv), unless it cannot have come in so: an axis that stands (slower than the share
+    ``stands`` of its top speed) has no acceleration yet, and one whose command begins with a step (``jump`` times the
+    acceleration of the next ``rows``) had the velocity of the rows after it, or an integral would be wound up for it.
     """
     h, qr = step, qr[: rows + 1]
     first = (6.0 * (qr[1] - qr[0]) / h - 4.0 * vr[0] - 2.0 * vr[1]) / h

@@ -53,10 +53,7 @@ class Tables:
 def tabulate(
     machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
 ) -> Tables:
-    """Return the tables of all effects with their coefficients, over a travel, shape (2, nv), and up to a speed (nv,).
-
-    The rigid body is left out, and viscous and spring effects too: they belong to the linear part (C and K).
-    """
+    """Return the tables of effects but rigid body, viscous and spring, over a travel, shape (2, nv), up to a speed."""
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
     partners: list[tuple[int, int, float, float, float]] = []

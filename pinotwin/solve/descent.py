@@ -62,9 +62,6 @@ def trust_region(
 def rival(
     polish: Callable[..., End], start: Floats, best: End, near: float, evaluations: int = 4
 ) -> list[End]:
-    """Return the ends of a search from another start, shape (k,): after a glance, and if that is near, its own.
-
-    Near is up to so many times the best cost: the search converges quadratically, so that little is left to fall.
-    """
+    """Return the ends of a search from another start, shape (k,): after a glance, if that is near its own."""
     glance = polish(start, most=evaluations)
     return [glance] if glance.cost > near * best.cost else [glance, polish(glance.x)]

@@ -154,10 +154,7 @@ class Projection:
         return np.arange(self.first[b], self.first[b + 1])
 
     def small(self, pieces: Sequence[tuple[int, Floats, Ints]], sigma: Floats, width: int) -> Floats:
-        """Return all columns in small coordinates, axes divided by their levels ``sigma``, shape (m, width).
-
-        A piece is a block's number, columns that move on its rows, and their numbers.
-        """
+        """Return all columns in small coordinates, axes divided by their levels ``sigma``, shape (m, width)."""
         out = []
         for i, span in enumerate(self.spans):
             columns, index = self.on_axis(i, pieces)

@@ -90,8 +90,7 @@ class Scan:
     def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
         """Return the best basins of the block, best first, searched between the grid's values too if ``refine``.
 
-        The longest grid is scanned first with the other shapes at ``start`` (s,), then each further shape from
-        every basin kept.
+        The longest grid is scanned first, others at ``start`` (s,), then each further shape from every basin kept.
         """
         grids = self.block.grids
         kept = [Basin(start, self.gain(start))]

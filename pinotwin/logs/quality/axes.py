@@ -151,10 +151,7 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
 def _lead_findings(
     table: Mapping[str, AxisQuality], limits: Mapping[str, Limits], step: float, sure: float = 5.5
 ) -> Iterator[Finding]:
-    """Say in one sentence by how much efforts lead the positions, beyond a step of the clock and what is stated.
-
-    So many errors are as sure of six blocks (Student) as three are of a normal.
-    """
+    """Say in one sentence by how much efforts lead: so many errors of six blocks are as sure as three of a normal."""
     known = {
         name: (axis.lead, axis.lead_error)
         for name, axis in table.items()
