@@ -16,8 +16,8 @@ import yaml
 
 import pinotwin as pt
 from pinotwin.cli.main import main
-from pinotwin.effects import EFFECTS, AxisEffect, Coefficient, Shape, check_effect, given, known
-from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects import EFFECTS, AxisEffect, Coefficient, Family, Shape, check_effect, given, known
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.known import _installed
 from pinotwin.virtual import VirtualMachine, random_trajectory
 

@@ -160,11 +160,12 @@ def test_a_twin_of_impossible_inertias_can_be_loaded(saved, tmp_path):
     twin, log, _ = saved
     pi = twin.pi.copy()
     pi[0] = -abs(pi[0])
-    odd = dataclasses.replace(twin, pi=pi)
+    theta = np.r_[twin.machine.base.P @ pi, twin.theta[len(twin.machine.base.P) :]]
+    odd = dataclasses.replace(twin, theta=theta, pi=pi, quality={**twin.quality, "consistency": None})
     odd.save(tmp_path / "odd")
     again = pt.Twin.load(tmp_path / "odd")
     np.testing.assert_allclose(again.pi, pi)
-    np.testing.assert_allclose(again.effort(log), twin.effort(log), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(again.effort(log), odd.effort(log), rtol=1e-12, atol=1e-9)
     described, kept = (m.inertias[1] for m in (twin.machine.model, again.machine.model))
     assert kept.isApprox(described, 1e-9)
     assert [
@@ -202,3 +203,29 @@ def test_a_value_of_another_type_is_one_line_whatever_the_digest_says(saved, tmp
     (tmp_path / "twin.json").write_text(json.dumps(content | {"digest": _digest(content)}))
     with pytest.raises(TwinError, match=r"damaged twin .*; identify it again"):
         pt.Twin.load(tmp_path)
+
+
+def _negative_mass(content, machine):
+    beta = slice(0, len(machine.base.P))  # the rigid bodies are the first effect
+    pi = np.array(content["standard_inertial_parameters"])
+    pi[0] = -1.0
+    content["standard_inertial_parameters"] = pi.tolist()
+    content["theta"][beta] = (machine.base.P @ pi).tolist()
+
+
+CHANGES = {
+    r"\w+\.\w+\.\w+ is -[\d.e+-]+, outside 0 to inf": lambda c, _: c.update(theta=[-x for x in c["theta"]]),
+    "its inertial coefficients are not those of its bodies": lambda c, _: c["theta"].__setitem__(0, 104.0),
+    "a mass is negative": _negative_mass,
+}
+
+
+@pytest.mark.parametrize("said", CHANGES)
+def test_coefficients_outside_physics_are_refused_whatever_the_digest_says(saved, tmp_path, said):
+    twin, _, folder = saved
+    content = json.loads((folder / "twin.json").read_text())
+    CHANGES[said](content, twin.machine)
+    twin.save(tmp_path / "edited")
+    (tmp_path / "edited" / "twin.json").write_text(json.dumps(content | {"digest": _digest(content)}))
+    with pytest.raises(TwinError, match=rf"damaged twin \({said}"):
+        pt.Twin.load(tmp_path / "edited")

@@ -74,7 +74,9 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
             Forgives angles written as 1.5708; far below what any log can tell.
     """
     names = parameter_names(model)
-    W = _random_regressor(model, np.random.default_rng(seed))
+    W = np.linalg.qr(
+        _random_regressor(model, np.random.default_rng(seed)), mode="r"
+    )  # the same products, fewer rows
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
     priority, scaled = _priority(model), W / np.where(alive, norms, 1.0)

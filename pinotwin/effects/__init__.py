@@ -13,6 +13,7 @@ from pinotwin.effects.effect import Columns as Columns
 from pinotwin.effects.effect import Effect as Effect
 from pinotwin.effects.effect import Shape as Shape
 from pinotwin.effects.family import FAMILIES as FAMILIES
+from pinotwin.effects.family import Family as Family
 from pinotwin.effects.friction import Coulomb as Coulomb
 from pinotwin.effects.friction import CoulombAsymmetric as CoulombAsymmetric
 from pinotwin.effects.friction import LoadFriction as LoadFriction

@@ -77,11 +77,7 @@ def _with_own(effects: Sequence[Effect], theta: Floats) -> list[tuple[Effect, Fl
 
 
 def inertia(effect: Effect, motion: Motion, joint: int, lightest: float = 0.05) -> Floats:
-    """Return the inertia of a joint, others at rest, shape (n,), kept above ``lightest`` of its largest.
-
-    An inertia below it is an error of the model (it may be negative), and the contact of a play, stepped at the
-    pace of the mean inertia, would not be stable.
-    """
+    """Return the inertia of a joint, others at rest, shape (n,), above ``lightest`` of its largest: below it errs."""
     own = effect.channel(motion, "mass")[:, joint, joint]
     return np.asarray(np.maximum(own, lightest * np.abs(own).max(initial=0.0) + 1e-12))
 

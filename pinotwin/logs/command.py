@@ -2,12 +2,12 @@
 
 Its effort is linear in error, integral, speed and the command's derivatives. With the command as it was logged this
 fits best at once, or with a command from before where the drive delays it; with one from later only where the log
-has it late. Errors of blocks of 1 s that were left out say how sure that is.
+has it late, also with dry friction beside. Errors of blocks of 1 s that were left out say how sure that is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,21 +53,26 @@ def _late(motion: Motion, j: int, rows: Ints, reach: int, settings: Settings) ->
     """Return by how many rows the command of a joint comes late; 0 where that is not sure."""
     edges = np.flatnonzero(np.diff((motion.t[rows] - motion.t[0]) // 1.0)) + 1
     lags = np.arange(-reach, reach + 1)
-    left = np.array([_left(motion, j, rows, edges, int(k)) for k in lags])
+    left = np.array([_left(motion, j, rows, edges, int(k), ()) for k in lags])
     best = int(np.argmin(left.sum(axis=1)))
     gain = np.log(left[reach] / np.maximum(left[best], 1e-300))
     error = float(np.std(gain)) / np.sqrt(len(gain))
     foretold = left[best].sum() < settings.poor * float(np.var(motion.u[rows, j])) * len(rows)
     sure = foretold and lags[best] > 0 and gain.mean() > settings.sure * error
-    return int(lags[best]) if sure else 0
+    if not sure:
+        return 0
+    turn = 0.003, 0.01, 0.03, 0.1  # of the top speed, over which friction turns
+    beside = [_left(motion, j, rows, edges, int(k), turn).sum() for k in lags]
+    return int(lags[best]) if lags[np.argmin(beside)] > 0 else 0
 
 
-def _left(motion: Motion, j: int, rows: Ints, edges: Ints, lag: int) -> Floats:
-    """Return the squared error of every block between edges, foretold from others, with the command so many rows on."""
+def _left(motion: Motion, j: int, rows: Ints, edges: Ints, lag: int, turn: Sequence[float]) -> Floats:
+    """Return the squared error of every block, foretold from others: command so many rows on, friction beside."""
     assert motion.qr is not None
     qr = np.roll(motion.qr[:, j], -lag)
-    e, vr = qr - motion.q[:, j], np.gradient(qr, motion.step)
-    law = [e, np.cumsum(e) * motion.step, motion.v[:, j], vr, np.gradient(vr, motion.step), np.ones(len(e))]
+    e, v, vr = qr - motion.q[:, j], motion.v[:, j], np.gradient(qr, motion.step)
+    law = [e, np.cumsum(e) * motion.step, v, vr, np.gradient(vr, motion.step), np.ones(len(e))]
+    law += [np.tanh(v / (share * np.abs(v[rows]).max())) for share in turn]
     X, y = np.column_stack(law)[rows], motion.u[rows, j]
     X = X / np.maximum(np.abs(X).max(axis=0), 1e-300)
     parts = list(zip(np.split(X, edges), np.split(y, edges), strict=True))

@@ -66,7 +66,7 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
     rest = [axis for axis in clear if axis.name not in named(swapped)]
     open_ = {*unsized(log), *(name for name, column in machine.columns.items() if column.found)}
     wrong_sign = list(turned_round(rest, fits))
-    light = [] if wrong_sign else list(weightless(rest))
+    light = [] if wrong_sign else list(weightless([x for x in rest if f"{x.name}.u" not in open_]))
     out += [*swapped, *late(rest, fits, motion.step), *wrong_sign, *light, *frictionless(rest)]
     out += [finding("effort_strange", f"{x.name}.u") for x in rest if is_strange(x, fits[x.name])]
     for axis in rest:

@@ -19,10 +19,7 @@ from pinotwin.solve.rank import Rank
 def bounded(
     R: Floats, z: Floats, lower: Floats, upper: Floats, start: Floats, rank: Rank, weak: float = 1e-6
 ) -> tuple[Floats, Mask]:
-    """Return theta of the factor R (k, p) and right side z (k,) within its bounds, and which bounds are active, (p,).
-
-    Directions that the data leave open are held at ``start`` (p,) with a weight relative to a unit column.
-    """
+    """Return theta of R (k, p) and z (k,) in bounds, near ``start``, and which are active, each of shape (p,)."""
     if (lower > upper).any():
         raise DataError("a lower bound lies above its upper bound")
     length = np.linalg.norm(R, axis=0)

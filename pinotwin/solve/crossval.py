@@ -42,12 +42,9 @@ class HeldOut:
         return replace(self, theta=theta, error=error, whole=whole)
 
     def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
-        """Return the variance of each row's prediction over that of the noise, shape (rows,).
+        """Return the variance of each row's prediction over that of the noise, shape (rows,); beyond 1 it is none.
 
-        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted
-        tell less of a prediction than the noise does: of a table's knots that only this fold visits they tell
-        nothing. The share ``ridge`` of what all rows tell of a column holds it where the fitted rows do not
-        have it.
+        The share ``ridge`` of what all rows tell of a column holds it where the fitted rows do not have it.
         """
         out = np.empty(len(problem.y))
         N = np.array([fit.factor.T @ fit.factor for fit in self.fits])

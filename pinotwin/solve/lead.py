@@ -31,8 +31,7 @@ class Lag:
 def lag(u: Floats, rows: Ints, basis: Floats, reach: int, *, most: int = 61, blocks: int = 8) -> Lag:
     """Return by how many samples a signal u (n,) is late for causes with an orthonormal basis (m, k) at rows (m,).
 
-    At most ``most`` shifts up to ``reach`` samples are tried, and ``blocks`` stretches of the log left out in
-    turn.
+    At most ``most`` shifts up to ``reach`` samples are tried, and ``blocks`` stretches left out in turn.
     """
     shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, most)).round().astype(int))
     starts = np.linspace(0, len(rows), blocks + 1).astype(int)[:-1]

@@ -31,10 +31,9 @@ def long_run(scores: Floats, lag: int) -> Floats:
 
 
 def bartlett(scores: Floats, window: int, chunk: int = 1 << 16) -> Floats:
-    """Return the sum of lagged products of scores under a triangular window, (p, p): the window sums' mean square.
+    """Return the sum of lagged products of even scores (n, p) under a triangular window, (p, p), by ``chunk`` windows.
 
-    Scores (n, p) are at even times, ``window`` rows of zeros after every stretch, and are overwritten;
-    ``chunk`` windows are summed at once, for those of an hour of five axes fill a gigabyte.
+    Scores, with ``window`` rows of zeros after every stretch, are overwritten: an hour of five axes fills a gigabyte.
     """
     np.cumsum(scores, axis=0, out=scores)
     total = scores[:window].T @ scores[:window]
@@ -86,11 +85,7 @@ def block_length(influence: Floats, fewest: int = 20) -> int:
 def left_out(J: Floats, e: Floats, inverse: Floats, block: int) -> Floats:
     """Return S of A^-1 S A^-1, (p, p), by leaving out blocks of samples in turn; J (n, k, p) and e (n, k) are white.
 
-    The delete-a-group jackknife (Bell and McCaffrey 2002, "CR3"): without block b the parameters move by (A -
-    J_b'J_b)^-1 J_b'e_b = A^-1 s_b, s_b = (I - J_b'J_b A^-1)^-1 J_b'e_b, and S is the sum of s_b s_b'. Against
-    :func:`long_run` it allows for what the fit has taken out of the residuals of a short record, and for every
-    correlation within a block. What one block alone determines would blow up; the factors 1 / (1 - leverage)
-    stop at 4. ``inverse`` is that of A, (p, p).
+    See :mod:`pinotwin.solve.covariance`; ``inverse`` is that of A, (p, p).
     """
     size = J.shape[2]
     L = np.linalg.cholesky(inverse)

@@ -110,8 +110,7 @@ def _running(t: Floats, block: Ints, step: float) -> Floats:
 def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
     """Return the evidence with ``rigid_body`` as ``inertia``, ``gravity`` and ``coupling``.
 
-    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' accelerations
-    and all velocities add (Coriolis, centrifugal). The three sum to the rigid-body effort exactly.
+    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' and all velocities add.
     """
     q, v, a = given.q, given.v, given.a
     zero = np.zeros_like(q)

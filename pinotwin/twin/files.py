@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, get_type_hints
 
@@ -20,7 +21,7 @@ import yaml
 
 from pinotwin.arrays import Floats, plain
 from pinotwin.effects import Effect
-from pinotwin.effects.layout import effect_slices
+from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
 from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
@@ -225,6 +226,8 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
     theta = np.array(content["theta"])
     if len(theta) != effect_slices(effects)[-1].stop:
         raise ValueError("the number of coefficients does not fit the effects")
+    pi = np.array(content["standard_inertial_parameters"])
+    _check_physics(machine, effects, theta, pi, bool(content["quality"].get("consistency")))
     misfit, (covariance, moments) = None, _read(folder, content["covariance_lower"], len(theta))
     if (summary := content.get("misfit")) and (folder / FILE).is_file():
         misfit = read_misfit(folder / FILE, machine.names, machine.rotary, summary)
@@ -234,7 +237,7 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
         theta=theta,
         covariance=covariance,
         parameters=Parameters(map(_parameter, content["parameters"])),
-        pi=np.array(content["standard_inertial_parameters"]),
+        pi=pi,
         diagonal={key: np.array(row) for key, row in content["diagonal"].items()},
         bodies=tuple(content.get("bodies", ())),
         **_closed_loop(content["loops"], content.get("servos", {})),
@@ -245,6 +248,21 @@ def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
         misfit=misfit,
         moments=moments,
     )
+
+
+def _check_physics(
+    machine: Machine, effects: Sequence[Effect], theta: Floats, pi: Floats, consistent: bool
+) -> None:
+    """Refuse coefficients outside the bounds of their effects, and bodies that are not those that were found."""
+    own = [(key, c) for key, e in zip(effect_keys(effects), effects, strict=True) for c in e.coefficients()]
+    for (key, c), x in zip(own, theta.tolist(), strict=True):
+        if not c.lower - 1e-9 <= x <= c.upper + 1e-9:
+            raise ValueError(f"{key}.{c.name} is {x:.4g}, outside {c.lower:.4g} to {c.upper:.4g}")
+    beta = theta[rigid_body_of(effects)[1]]
+    if not np.allclose(machine.base.P @ pi, beta, rtol=1e-6, atol=1e-6 * np.abs(beta).max(initial=0.0)):
+        raise ValueError("its inertial coefficients are not those of its bodies")
+    if consistent and pi[: 10 * (machine.model.njoints - 1) : 10].min(initial=0.0) < 0.0:
+        raise ValueError("a mass is negative")
 
 
 def _read(

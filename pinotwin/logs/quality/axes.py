@@ -149,20 +149,20 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
 
 
 def _lead_findings(
-    table: Mapping[str, AxisQuality], limits: Mapping[str, Limits], step: float
+    table: Mapping[str, AxisQuality], limits: Mapping[str, Limits], step: float, sure: float = 5.5
 ) -> Iterator[Finding]:
-    """Say in one sentence by how much efforts lead the positions, beyond a step of the clock and what is stated."""
-    sure = {
+    """Say in one sentence by how much efforts lead: so many errors of six blocks are as sure as three of a normal."""
+    known = {
         name: (axis.lead, axis.lead_error)
         for name, axis in table.items()
         if axis.lead is not None
         and axis.lead_error is not None
-        and abs(axis.lead - limits.get(name, Limits()).lead) > max(3.0 * axis.lead_error, step)
+        and abs(axis.lead - limits.get(name, Limits()).lead) > max(sure * axis.lead_error, step)
     }
     for sign, how in ((1, "leads"), (-1, "lags")):
-        leads = {name: 1e3 * x for name, (x, _) in sure.items() if x * sign > 0}
+        leads = {name: 1e3 * x for name, (x, _) in known.items() if x * sign > 0}
         if leads:
-            each = ", ".join(f"{k} {abs(x):.1f} ± {1e3 * sure[k][1]:.1f}" for k, x in leads.items())
+            each = ", ".join(f"{k} {abs(x):.1f} ± {1e3 * known[k][1]:.1f}" for k, x in leads.items())
             axis, lead = next(iter(leads.items()))
             usual = np.median(np.abs(list(leads.values())))
             channels = ", ".join(f"{name}.u" for name in leads)
