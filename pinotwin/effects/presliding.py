@@ -177,11 +177,7 @@ class Presliding(Friction, AxisEffect):
         )
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return slip elements alone, over distances that position and rate resolve.
-
-        The distance must be some encoder steps long, and some samples must lie within it after a
-        reversal, where x = a t² / 2.
-        """
+        """Return slip elements over distances that encoder steps and, after a reversal, x = a t² / 2 resolve."""
         if not sight.both_ways or sight.reversals < 2:
             return ()
         usual = 2e-5 if self.rotary else 5e-6

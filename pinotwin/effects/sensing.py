@@ -138,10 +138,7 @@ class EncoderError(OneAxis):
         return (np.clip(float(np.ptp(motion.axis(self.axis).q)) / WAVES[::-1], shape.lower, shape.upper),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return parts of a turn or of the travel that the rows resolve.
-
-        On a travel L, errors whose frequencies differ by 1/L are distinguished: a quarter of that misses none.
-        """
+        """Return parts of a turn or of the travel L that rows resolve: steps of 1/(4 L) in frequency miss none."""
         (shape,) = self.shapes()
         low = max(3.0 * sight.pace, 10.0 * sight.noise, shape.lower)
         if self.rotary:

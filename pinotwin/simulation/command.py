@@ -194,10 +194,7 @@ def _joint_commands(machine: Machine, log: Log) -> Floats:
 
 
 def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats, block: int = 50000) -> Floats:
-    """Return J(q)^T f of the logged loads, at the commanded posture.
-
-    The tracking error turns J by micrometres over the arm of the load: not worth a loop.
-    """
+    """Return J(q)^T f of the logged loads, at the commanded posture: the error turns J by micrometres."""
     wrenches = loads(machine, log)
     total = np.zeros((len(q) if wrenches else 1, machine.nv))
     for link, logged in wrenches.items():

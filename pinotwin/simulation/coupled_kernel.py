@@ -180,10 +180,7 @@ def _inverse(plant, tables, command, row, j, s):  # type: ignore[no-untyped-def]
 
 @leaf
 def _begin(kind, laws, s):  # type: ignore[no-untyped-def]
-    """Wind the integrators up so that every law asks for the effort ``u`` at the present state.
-
-    A law without an integral cannot: its axis begins as far from the command as the effort asks for.
-    """
+    """Wind the integrators up to the present effort ``u``; without one an axis begins off its command."""
     for j in range(len(s.q)):
         law, c = laws[j], (s.c[0, j], s.c[1, j], s.c[2, j])
         if kind[j] == SERVO and not np.isnan(law.offset) and law.e != 0.0:

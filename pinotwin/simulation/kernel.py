@@ -83,11 +83,7 @@ def _outputs(blocks, j, c, s):  # type: ignore[no-untyped-def]
 
 @leaf
 def _from_ground(plant, blocks, s):  # type: ignore[no-untyped-def]
-    """Turn r and M into those of the pairs' motion from the ground, less M_D: r, M - M_D.
-
-    Only the rows are turned: the columns keep to the joints' own accelerations. Seen from the ground
-    the axis next to a passive joint moves with the sum of both (thesis Eq. 5.4).
-    """
+    """Turn r and the rows of M into the pairs' motion from the ground (thesis Eq. 5.4), less M_D: r, M - M_D."""
     for k in range(len(blocks.pairs)):
         p, j = blocks.pairs[k, 0], blocks.pairs[k, 1]
         s.r[p] -= s.r[j]

@@ -12,10 +12,7 @@ from pinotwin.dynamics.stepping import gather, inlined, leaf, replay
 
 @inlined
 def hermite(q0, q1, v0, v1, interval, share):  # type: ignore[no-untyped-def]
-    """Return a cubic and its two derivatives at a share of an interval, from values and slopes at its ends.
-
-    ``interval`` is its length and the inverse of that: a division costs as much as the rest.
-    """
+    """Return a cubic and two derivatives at a share of an interval (length and inverse), from values and slopes."""
     step, rate = interval
     dq, c1, v1 = q1 - q0, step * v0, step * v1
     c2, c3 = 3.0 * dq - 2.0 * c1 - v1, c1 + v1 - 2.0 * dq
@@ -90,10 +87,7 @@ def _pivot(A, X, i):  # type: ignore[no-untyped-def]
 
 @leaf
 def level_at(table, k, side, place):  # type: ignore[no-untyped-def]
-    """Return table [k, side] at a place between 0 and its last index.
-
-    Whole arrays are passed and indexed: a view costs more than the look-up, by its reference count.
-    """
+    """Return table [k, side] at a place between 0 and its last index; a view would cost more than the look-up."""
     i = int(place)
     if i > table.shape[2] - 2:
         i = table.shape[2] - 2

@@ -69,10 +69,7 @@ class Moving:
         return np.asarray(self.columns(self.values(x)), float)
 
     def slopes(self, x: Floats, theta: Floats, size: float = 1e-6) -> Floats:
-        """Return the derivative of ``columns @ theta`` in search coordinates, shape (rows, s).
-
-        By difference quotients of a size relative to that of a coordinate.
-        """
+        """Return the derivative of ``columns @ theta`` in search coordinates, shape (rows, s), by differences."""
         low, high = self.bounds
         out = []
         for k in range(len(x)):

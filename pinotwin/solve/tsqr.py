@@ -17,10 +17,7 @@ BLOCK = 1000
 
 
 def r_factor(A: Floats, block: int = BLOCK) -> Floats:
-    """Return upper triangular R with R'R = A'A, shape (k, k), for A of shape (rows, k).
-
-    A matrix with fewer rows than columns is padded by zero rows.
-    """
+    """Return upper triangular R with R'R = A'A, shape (k, k), for A (rows, k); zero rows fill up a short one."""
     rows, k = A.shape
     block = max(block, 4 * k)
     while rows > 2 * block:

@@ -137,11 +137,7 @@ def effect_keys_of(twin: Twin, axis: str, names: Sequence[str]) -> tuple[str, ..
 
 
 def _grid(given: Evidence, j: int, x: Floats, against: Against) -> tuple[Floats, AxisMotion]:
-    """Return the abscissae of the curve, and a motion that visits them.
-
-    Speeds are visited from standstill outwards, in either direction: so the direction with memory
-    (Eq. 3.9) has the side that steady motion gives it.
-    """
+    """Return the abscissae of the curve, and a motion that visits them: speeds from standstill outwards, both ways."""
     n = 1200
     if against == "position":
         grid = np.linspace(float(x.min()), float(x.max()), n)
