@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -72,6 +74,26 @@ class Messages:
         return self.types["geometry_msgs/msg/WrenchStamped"](self.header(t, "tool0"), force)
 
 
+def with_checksums(path: Path, compression: str, *, data: bool = False) -> Path:
+    """Write an MCAP file of ROS 2 again with the checksums of the format, which rosbags leaves out."""
+    with path.open("rb") as file:
+        held = list(make_reader(file).iter_messages())
+    with path.open("wb") as file:
+        kind = CompressionType[compression.upper()]
+        writer = Writer(file, chunk_size=16_384, compression=kind, enable_data_crcs=data)
+        writer.start(profile="ros2")
+        known: dict[int, int] = {}
+        for schema, channel, message in held:
+            if channel.id not in known:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                known[channel.id] = writer.register_channel(channel.topic, "cdr", number, channel.metadata)
+            writer.add_message(
+                known[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+            )
+        writer.finish()
+    return path
+
+
 def write_bag(
     path: Path,
     log: Mapping[str, np.ndarray],
@@ -81,6 +103,7 @@ def write_bag(
     imu: bool = False,
     wrench: bool = False,
     gripper: bool = False,
+    compression: CompressionMode | None = None,
 ) -> Path:
     """Write channels ``<joint>.q .v .u .qr`` and the clock ``t``; returns the folder (ROS 1: the file)."""
     ros1 = storage == "ros1"
@@ -102,7 +125,10 @@ def write_bag(
     ]
     plugin = {"sqlite3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}.get(storage)
     serialize = make.store.serialize_ros1 if ros1 else make.store.serialize_cdr
-    with Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin) as bag:
+    writer = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer as bag:
         connections: dict[str, object] = {}
         for topic, kind, message, times, wanted in topics:
             if not wanted:

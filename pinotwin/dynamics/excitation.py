@@ -95,10 +95,7 @@ def _spectrum(S: Floats) -> tuple[Floats, Floats]:
 
 
 def _groups(V: Floats, names: Sequence[str], member: float = 0.01, link: float = 0.02) -> list[Group]:
-    """Return the parameters that the subspace V (b, k) couples, as connected groups.
-
-    ``member`` is the share of a parameter in the subspace that counts, ``link`` the coupling that joins two.
-    """
+    """Return connected groups of parameters of the subspace V (b, k): in it by ``member``, coupled by ``link``."""
     projector = V @ V.T
     left: Ints = np.flatnonzero(np.diag(projector) > member)
     coupled = np.abs(projector[np.ix_(left, left)]) > link

@@ -48,10 +48,7 @@ def _odd(model: pin.Model) -> Mask:
 
 
 def _possible(body: Floats, least: float = 0.02, point: float = 0.01) -> Floats:
-    """Return ten parameters that can exist: every spread about the centre at least a share of the largest.
-
-    A body without any spread gets that of ``point`` [m²].
-    """
+    """Return ten parameters that can exist; a body without any spread gets that of ``point`` [m²]."""
     J = pseudo_inertia(body)
     mass, centre = J[3, 3], J[:3, 3] / J[3, 3]
     spread, axes = np.linalg.eigh(J[:3, :3] - mass * np.outer(centre, centre))

@@ -140,11 +140,7 @@ def _tree(twin: Twin) -> dict[str, Any]:
 
 
 def _curves(made: Tables, nv: int) -> dict[str, Any]:
-    """Return the tables as curves with few knots.
-
-    The friction of a motor that turns two joints has no width in the twin (slope 0: the plain sign); a
-    table gives it one, for a simulation could not step it.
-    """
+    """Return the tables as curves with few knots; a plain sign gets a width, which a simulation can step."""
     tables, grid = made.lookup, (np.arange(SPEEDS + 1) / SPEEDS) ** 2
     speeds = [grid / slowness for slowness in tables.slowness]
     dry = []

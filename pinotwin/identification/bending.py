@@ -135,10 +135,7 @@ def _motion(machine: Machine, log: Log) -> Motion:
 
 
 def _beta(plant: OpenLoop, cad: Floats, motion: Motion, sure: float) -> Floats:
-    """Return the base parameters that drive the joints: found where the motors' rows tell them, else the CAD's.
-
-    Those that the motors feel only by what the joints do (to rounding) are the mean of both.
-    """
+    """Return the base parameters that drive the joints: the motors' where they tell them, else CAD's, else the mean."""
     machine = plant.machine
     found = plant.coefficients("rigid_body")
     table = {p.name: p for p in plant.parameters}

@@ -88,10 +88,7 @@ def correlated_rows(plant: Plant, theta: Floats) -> float:
 def body_rows(
     machine: Machine, found: Near, dummy: Mask, rows: float, settings: Settings
 ) -> tuple[dict[str, Any], ...]:
-    """Return one row a body: its mass, the URDF's, whose it is and, where the logs tell it, its interval [kg].
-
-    ``rows`` of the fit tell as much as one independent row.
-    """
+    """Return a row a body: mass, the URDF's, whose, and its interval [kg]; ``rows`` tell as much as one independent."""
     out = []
     urdf = parameters(machine.model)
     for k, joint in enumerate(list(machine.model.names)[1:]):

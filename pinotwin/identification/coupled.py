@@ -120,10 +120,7 @@ def follows_exactly(raw: Motion, joint: int) -> bool:
 def _refinable(
     plant: OpenLoop, motion: Motion, problem: AxisProblem, dry: Floats, name: str, no_worse: float
 ) -> tuple[tuple[str, ...], Callable[[Factors], bool]]:
-    """Return which friction of an axis can be refined, and what the plant's own effort says of factors.
-
-    The effort along the measured motion, on rows that the refinement does not see, may not get worse.
-    """
+    """Return which friction can be refined with no worse effort on unseen rows, and what those say of factors."""
     i = plant.machine.axes[name].index
     _, judge = problem.split()
     rows = np.r_[*judge.windows]
@@ -229,11 +226,7 @@ def command_velocity(raw: Motion) -> Floats:
 def _windows(
     raw: Motion, vr: Floats, longest: float = 6.0, most: int = 4, least: int = 20
 ) -> tuple[slice, ...]:
-    """Return the windows in which the axis moves most, in order, each ``longest`` [s] long at most.
-
-    Gaps may leave stretches that are over before the rows that count begin: ``least`` behind those that are not
-    compared.
-    """
+    """Return windows, ``longest`` [s] each, where the axis moves most; ``least`` is left of them behind the start."""
     found, least = [], skipped(raw.step) + least
     for s in raw.segments:
         count = max(1, int(np.ceil((s.stop - s.start) * raw.step / longest)))

@@ -26,10 +26,7 @@ def friction_scatter(
     prior: float = 0.05,
     prior_logs: float = 2.0,
 ) -> dict[str, dict[str, float]]:
-    """Return axis -> friction effect -> standard deviation from log to log over its size [1].
-
-    ``sigma`` is the noise of the rows of each joint that has any [N or N·m].
-    """
+    """Return axis -> friction effect -> scatter of logs over its size [1]; ``sigma`` is the rows' noise [N or N·m]."""
     out: dict[str, dict[str, float]] = {}
     correlated = moments.correlated(plant.theta, sigma)
     step = np.append(plant.theta, -1.0)

@@ -65,10 +65,7 @@ class CrossValidated:
 
 
 def log_edges(problem: Problem, log: Ints, fewest: int = 3, most: int = 12) -> Ints | None:
-    """Return where logs begin in time, the end last, of rows of logs numbered so, shape (rows,); None of too few.
-
-    Of more than ``most`` logs some are a part together.
-    """
+    """Return where numbered logs begin, and the end, of rows, shape (rows,): ``most`` parts at most; None if few."""
     order, times = fold_order(problem)
     starts = np.array([order[log == k].min() for k in np.unique(log)])
     if len(starts) < fewest:
@@ -78,11 +75,7 @@ def log_edges(problem: Problem, log: Ints, fewest: int = 3, most: int = 12) -> I
 
 
 def error_row(y: Floats, error: Floats) -> dict[str, float]:
-    """Return the figures of one axis' effort and its error [N or N·m], shape (m,).
-
-    ``nrmse`` is divided by the effort's RMS as in the thesis, ``nrmse_std`` by its standard deviation,
-    which gravity cannot flatter.
-    """
+    """Return the figures of one axis' effort and error [N or N·m], shape (m,); ``nrmse_std`` leaves gravity out."""
     size = rms(error)
     spread, whole = max(float(np.std(y)), 1e-300), max(rms(y), 1e-300)
     return {"rms": size, "nrmse": size / whole, "nrmse_std": size / spread}
@@ -165,10 +158,7 @@ def signs_of_missing_effects(
 def judge(
     machine: Machine, plant: Plant, found: OpenLoop, validated: CrossValidated, later: Motion | None
 ) -> dict[str, Any]:
-    """Return the figures of a fitted plant, per axis and together.
-
-    ``found`` is the same as a twin holds it; a motion that was not fitted adds ``validation`` to every axis.
-    """
+    """Return the figures of a fitted plant, ``found``, per axis and together; an unseen motion adds ``validation``."""
     fit, problem = plant.fit, plant.fit.problem
     error = problem.y - problem.W @ plant.theta
     held = np.full(len(problem.y), np.nan) if validated.held is None else validated.held.error

@@ -28,10 +28,7 @@ from pinotwin.solve.sandwich import block_covariance
 
 
 def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
-    """Return a loop with one real pole more, for the lag of drive and filters; residues zero.
-
-    Its search starts at ``start`` [Hz], unless the log's sampling is too slow for it.
-    """
+    """Return a loop with a real pole more, for drive and filters, from ``start`` [Hz] or what the sampling allows."""
     structure = replace(model.structure, real_poles=model.structure.real_poles + 1)
     count = sum(s.order == 1 and not s.feedforward for s in model.sections)
     shape = (len(model.disturbances), len(model.outputs))
@@ -45,10 +42,7 @@ def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
 
 
 def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most: int = 25) -> LoopModel:
-    """Return a loop with its rows e and u tied by M_D [kg or kg·m²] and C; as it is where its form does not allow it.
-
-    The search makes ``most`` evaluations: its poles start at those of the free fit.
-    """
+    """Return a loop, if its form allows, with rows e and u tied by M_D [kg or kg·m²] and C, in ``most`` evaluations."""
     s = model.structure
     if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":
         return model

@@ -159,10 +159,7 @@ def _with_lost(servo: Servo, motion: Motion, i: int, blocks: int = 8) -> Servo:
 def _by_encoders(
     plant: OpenLoop, plain: Servos, stepped: Servos, log: Log, settings: Settings
 ) -> tuple[Servos, dict[str, Any]]:
-    """Return the controllers closed on encoder steps, unless others predict held-out rows better, and their errors.
-
-    A log that was rounded when it was written has steps that no controller saw.
-    """
+    """Return controllers closed on encoder steps unless others predict held-out rows better, and their errors."""
     steps = any(servo.encoder[0] for servo in stepped.servos.values())
     tried = [
         (s, choice(Twin.of(plant, servos=s.trials), log, ("coupled",), settings))
@@ -314,11 +311,7 @@ def _refined(
 def _refit(
     data: LoopData, near: LoopModel, bounds: Bounds | None, *, afresh: bool = False, judged: bool = False
 ) -> LoopModel:
-    """Return a loop of the same structure fitted to other data, its search started from ``near``.
-
-    Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
-    a few usual places.
-    """
+    """Return a loop of the same structure for other data, searched from ``near`` and, ``afresh``, from usual places."""
     starts = near.theta[None]
     if afresh:
         starts = np.concatenate([starts, starting_points(near.layout, FRESH)])

@@ -56,10 +56,7 @@ def misfit_with(
     known: CrossValidated,
     settings: Settings,
 ) -> tuple[Misfit, CrossValidated | None]:
-    """Return the misfit of kept rows and more logs, and how their blocks were predicted where there are few logs.
-
-    ``parts`` are the rows of the new logs, ``known`` the factors of all logs, each predicted from the others.
-    """
+    """Return the misfit of kept rows and new logs' ``parts``, each log predicted from the other ``known`` ones."""
     count, held, most = int(known.problem.block.max()) + 1, known.held, settings.kept // 4
     merged = parts[-1].log[-1] + 1 - count  # of the oldest logs, which are kept as one
     whose = [before.log, *(part.log[:most] for part in parts)]

@@ -149,10 +149,7 @@ def _unseen(
 def _as_logged(
     machine: Machine, effects: Any, raw: list[Log], resample: float | None, settings: Settings
 ) -> tuple[Machine, list[Log], Sizes]:
-    """Return the machine as its logs show it, these bound, and what one unit of an effort without a factor is.
-
-    It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
-    """
+    """Return the machine as its bound logs show it, unmeasured joints locked, and what a unit of effort is."""
     machine = machine.listing(effects)
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))

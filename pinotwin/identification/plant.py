@@ -68,10 +68,7 @@ def standard_parameters(machine: Machine, effects: Sequence[Effect], theta: Floa
 def _settled(
     machine: Machine, motion: Motion, effects: tuple[Effect, ...], rows: Rows, settings: Settings
 ) -> tuple[Motion, Found]:
-    """Solve, again and again where an effect scales with the effort of the model that is being found.
-
-    The first effort is that of the other effects alone, whose shapes are then only polished.
-    """
+    """Solve, again and again where an effect scales with the model's effort: first with that of the other effects."""
     if not needs_model(effects):
         return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion), settings)
     plain = tuple(effect for effect in effects if not effect.needs)

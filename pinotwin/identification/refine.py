@@ -169,11 +169,7 @@ def axis_effects(
     axis: str,
     most: int = 60,
 ) -> AxisEffects | None:
-    """Return what can be refined on one axis, or None if there is nothing.
-
-    Coefficients and their errors have shape (p,). Effects of more columns than ``most`` (tables) stay as they are:
-    each trial would filter them all.
-    """
+    """Return what can be refined on an axis, shape (p,), or None; tables of over ``most`` columns stay as they are."""
     mine = [
         (effect, where)
         for effect, where in zip(effects, slices, strict=True)

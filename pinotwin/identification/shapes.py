@@ -50,10 +50,7 @@ def search_shapes(
 
 
 def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
-    """Return which effects are worth a further shape, with it, by their place: each axis by itself.
-
-    Some value of the shape must bring what an axis leaves below the share ``pays``.
-    """
+    """Return effects, by place, worth a further shape: it brings what an axis leaves below the share ``pays``."""
     found = {}
     for k, effect in enumerate(effects):
         joint = None if effect.axis is None else motion.index(effect.axis)

@@ -33,10 +33,7 @@ from pinotwin.twin.parameters import Parameters, verdict
 def find_springs(
     plant: OpenLoop, motion: Motion, settings: Settings = USUAL
 ) -> tuple[OpenLoop, dict[str, Any]]:
-    """Return the plant with stiffness and damping of every passive joint that moves, and how well they fit.
-
-    The latter tells, per joint, the RMS of what its row leaves and of its spring's torque [N·m or N].
-    """
+    """Return the plant with springs of moving passive joints; RMS of what each leaves and of its torque [N·m or N]."""
     rows: dict[str, Any] = {}
     for joint in plant.machine.passive:
         if f"{joint}.spring" in plant.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
@@ -66,10 +63,7 @@ def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], settin
 def _find_spring(
     plant: OpenLoop, motion: Motion, joint: str, settings: Settings, memory: float = 0.25
 ) -> tuple[OpenLoop, dict[str, float]]:
-    """Return the plant with one joint's spring, and the RMS of what its row leaves and of the spring's torque.
-
-    The residuals are correlated for about ``memory`` [s].
-    """
+    """Return the plant with a joint's spring, RMS of rest and torque; residuals correlate for ``memory`` [s]."""
     machine = plant.machine
     index, base = machine.passive[joint].index, machine.base
     W = base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
@@ -103,10 +97,7 @@ def _angle(motion: Motion, part: slice, index: int) -> Floats:
 
 
 def _prior(plant: OpenLoop, doubt: float, least: float = 0.02) -> tuple[Floats, Floats]:
-    """Return mean and precision of (beta, k, c): the motors' rows, and CAD for what they leave open.
-
-    A CAD value may be off by ``doubt`` of itself, and by ``least`` of that of the largest of its unit.
-    """
+    """Return mean and precision of (beta, k, c): the motors' rows, and CAD within ``doubt`` or ``least`` of a unit."""
     machine = plant.machine
     at = plant.slices[plant.keys.index("rigid_body")]
     cad = machine.base.from_standard(parameters(machine.model))

@@ -84,11 +84,7 @@ def gravity_rows(x, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
-    """Return predicted and filtered states and their covariances.
-
-    ``turn`` are the rates (n - 1, 3) over the steps; ``noise`` gyro and bias-walk densities
-    squared; ``s`` accelerometer variance, gate, g and the samples of the hold.
-    """
+    """Return predicted and filtered states, covariances; ``turn`` rates (n - 1, 3), squared ``noise``, ``s``."""
     n = len(acc)
     xp, xf = np.empty((n, 7)), np.empty((n, 7))
     Pp, Pf = np.empty((n, 7, 7)), np.empty((n, 7, 7))

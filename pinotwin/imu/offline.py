@@ -84,10 +84,7 @@ def offline_orientation(gyr: Floats, acc: Floats, rate: float, rule: rot.Rule = 
 
 
 def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m: int) -> Floats:
-    """Return the smoothed deviations from the nominal solution at the block boundaries, (k, 25).
-
-    ``turn`` and ``acc`` belong to the steps between samples: rotation vectors and mean force.
-    """
+    """Return smoothed deviations at block boundaries, (k, 25); ``turn``, ``acc`` are of the steps between samples."""
     n = len(turn) // m
     F, u = _transitions(turn * rate, acc, rate, nom, m)
     u[:, _E] = _mismatch(turn, rate, nom, m)

@@ -92,10 +92,7 @@ class RunModel:
         return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
 
     def readings(self, delta: Floats, R_ST: Floats, p: Floats) -> tuple[Floats, Floats]:
-        """Return ideal readings of gyro and accelerometer, (m, 3) each, at a place p in the link frame [m].
-
-        ``delta`` holds deflection, rate and acceleration on the fine clock, (n, 3).
-        """
+        """Return ideal readings (m, 3) of both sensors at p [m]; ``delta``: deflection, rate, acceleration (n, 3)."""
         at = (self.base - self.fine.t[0]) / self.fine.step
         rigid = self.gyro_columns(at)
         gyr = rigid[:, 0] + rigid[:, 1] * self.seen(delta[:, 1:2], at)

@@ -69,11 +69,7 @@ def skew(v: Floats) -> Floats:
 
 
 def inclination_error(q: Floats, reference: Floats) -> Floats:
-    """Return the angle between the two verticals [rad], shape (n,); heading does not enter.
-
-    As in the BROAD benchmark (Laidig et al. 2021, DOI 10.3390/data6070072).
-    NaN where the reference is.
-    """
+    """Return the angle between two verticals [rad], (n,), as BROAD (DOI 10.3390/data6070072); NaN without reference."""
     d = multiply(q, conjugate(reference))
     return 2.0 * np.arccos(np.clip(np.hypot(d[..., 0], d[..., 3]), 0.0, 1.0))
 

@@ -64,10 +64,7 @@ def finite(log: Log, absurd: float = 1e12) -> Log:
 
 
 def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slice]:
-    """Return the stretches of regular sampling in which every channel that is used is a number.
-
-    LogError if the clock does not advance or a channel holds no number, DataError if none has ``shortest`` samples.
-    """
+    """Return regular stretches of at least ``shortest`` samples in which every used channel is a number."""
     try:
         clock(log.t)
     except DataError as error:

@@ -87,10 +87,7 @@ class Explained:
         return lag(self.u, self.rows, self.basis, self.reach, blocks=BLOCKS)
 
     def scale(self, y: Floats, *, rotor: bool = False) -> tuple[float, float, float]:
-        """Return an effort over that of the URDF, its standard error, and its share of what friction leaves.
-
-        With ``rotor`` the axis' own acceleration is explained apart: a geared motor adds inertia that is in no URDF.
-        """
+        """Return an effort over the URDF's, its error, and its share beside friction; ``rotor`` is explained apart."""
         if not np.ptp(self.rigid) > 0:
             return 1.0, np.inf, 0.0
         columns = np.column_stack([self.rigid, self.columns[:, -3:], *([self.a] if rotor else [])])

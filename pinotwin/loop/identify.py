@@ -173,10 +173,7 @@ def _numerator_errors(
 
 
 def covariance(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
-    """Return the covariance at the optimum of all logarithms and scaled residues, and on how many blocks it rests.
-
-    Its shape is (np + ny nc,) squared; the parameters held on a bound, shape (np,), are taken as known.
-    """
+    """Return the covariance of logarithms and scaled residues, with bounds, shape (np,), as known; and its blocks."""
     tangents, scores = _linearised(projection, theta)
     ny, nc = projection.layout.outputs, projection.layout.residues
     count = len(theta)

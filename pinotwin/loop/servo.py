@@ -141,10 +141,7 @@ class Servo:
         return {**(self.pid() if self.form == "pid" else self.cascade()), **shapes}
 
     def combined(self) -> dict[str, float]:
-        """Return what the feedback determines where single gains are not: ``kp + rate``, ``kp * rate``.
-
-        Of a PID ``kd + ffv``, the gain on the velocity of the command. Empty for a law without an integral.
-        """
+        """Return what is determined where single gains are not: ``kp + rate``, ``kp * rate``, of a PID ``kd + ffv``."""
         if self.form == "pid":
             return {"kd + ffv": self.gains[3]}
         found = self.cascade()

@@ -86,10 +86,7 @@ def shown(law, q):  # type: ignore[no-untyped-def]
 
 @inlined
 def asked(law, h, c, q, v, state):  # type: ignore[no-untyped-def]
-    """Step a law by h [s] for a command (and two derivatives), position and velocity; return its new state.
-
-    That is the velocity seen, the integral, the effort after the current loop, and two of the notch.
-    """
+    """Step a law by h [s]; return its state: velocity seen, integral, effort after the current loop, notch (2)."""
     seen, wound, out, first, second = state
     e = c[0] - shown(law, q)
     seen += law.see * (v - seen)

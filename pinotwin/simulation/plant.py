@@ -19,10 +19,7 @@ from pinotwin.twin.open_loop import OpenLoop
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """What the generalised disturbance is made of.
-
-    Loads on springs get states from the coupled machine alone.
-    """
+    """What the generalised disturbance is made of; loads on springs get states from the coupled machine alone."""
 
     tape: Tape  # rigid body
     tables: Lookup  # effects that are functions of position or of speed and direction

@@ -145,7 +145,7 @@ def _effort(
 
 
 def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats) -> tuple[Floats, Floats]:
-    """Return the sum of position efforts on an even grid, so fine that lines between will do; its start and spacing."""
+    """Return the sum of position efforts on an even grid, on knots and fine enough for lines; its start and spacing."""
     if not efforts:
         return np.zeros(1), np.array([travel[0], 1.0])
     start, spacing = _first_grid(effects, travel)

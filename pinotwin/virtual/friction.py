@@ -68,11 +68,7 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def _slide(z, i, k, push, kept):  # type: ignore[no-untyped-def]
-    """Advance Maxwell element ``k`` by a step.
-
-    ``push`` is what its spring would take up, and the level at which it slips [N or N·m]; ``kept`` the
-    share of what it is off its level that it keeps over the step, once it slips [-].
-    """
+    """Advance Maxwell element ``k``: ``push`` is its spring's rise and slip level [N or N·m], ``kept`` a share [-]."""
     rise, level = push
     slips = c.SLIPS + k
     if z[i, slips] * rise > 0.0:

@@ -75,11 +75,7 @@ def write_random_machine(folder: Path, seed: int) -> Path:
 def _needed(
     urdf: Path, limits: Mapping[str, Mapping[str, Any]], seed: int, spare: float = 1.5
 ) -> dict[str, float]:
-    """Return the effort that the drive of every axis must have while all axes move at once [N or N·m].
-
-    ``spare`` is the drive's effort over the most that its axis needs. A light axis at the end of a chain is
-    thrown about by the others far beyond its own inertia.
-    """
+    """Return the effort that each drive needs while all axes move [N or N·m], times ``spare``."""
     rng = np.random.default_rng([seed, 2030])
     model = pin.buildModelFromUrdf(str(urdf))
     data, most = model.createData(), np.zeros(model.nv)

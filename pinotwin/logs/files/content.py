@@ -8,11 +8,13 @@ single numbers and short vectors become scalars, everything else is left out wit
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +29,7 @@ SHORT = 64
 MOST = 400_000_000
 """Most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours."""
 
-_FREE, _EXPANSION = 2**30, 100
+_FREE, _EXPANSION = 2**29, 100
 """Bytes that the numbers of any file may become as floats, and how many more for each of its own."""
 
 BROKEN = (
@@ -104,6 +106,13 @@ def damaged(source: str, error: Exception, remedy: str = "save or copy it again"
     """Return the error for a file that its own library cannot read to the end."""
     reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
     return LogError(f"{source}: is damaged or cut off ({reason}); {remedy}")
+
+
+def held(kind: np.dtype[Any]) -> int:
+    """Return how many numbers one item of an array holds: several where it is a record, an array or text."""
+    if kind.subdtype:
+        return held(kind.subdtype[0]) * math.prod(kind.subdtype[1])
+    return sum(held(kind[name]) for name in kind.names) if kind.names else max(1, kind.itemsize // 8)
 
 
 def limited(source: str, numbers: int, size: int) -> None:
@@ -223,7 +232,7 @@ def _missing(channels: dict[str, Floats], place: Callable[[int], str]) -> list[s
             notes.append(
                 Holes(f"{name}: {count} {kind} values, first in {place(int(np.argmax(bad)))}", count)
             )
-        elif np.abs(x).max(initial=0.0) > _EPOCH_EXACT:
+        elif max(x.max(initial=0.0), -x.min(initial=0.0)) > _EPOCH_EXACT:
             notes.append(f"{name}: numbers above 2^53 lost their last digits as floats")
     return notes
 

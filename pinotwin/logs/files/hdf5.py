@@ -9,7 +9,7 @@ from pathlib import Path
 
 import h5py
 
-from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, damaged, held, limited
 
 
 def load(path: Path, source: str) -> Content:
@@ -18,7 +18,7 @@ def load(path: Path, source: str) -> Content:
     try:
         with h5py.File(path, "r") as file:
             sets = _sets(file, "", content, set())
-            limited(source, sum(item.size or 0 for _, item in sets), path.stat().st_size)
+            limited(source, sum((item.size or 0) * held(item.dtype) for _, item in sets), path.stat().st_size)
             for name, item in sets:
                 _take(name, item, content)
     except BROKEN as error:

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
+from pickle import HIGHEST_PROTOCOL
 
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content, limited
@@ -32,7 +33,7 @@ def load(
     *,
     seconds: float = 30.0,
     rate: float = 4e6,
-    memory: int = 2**31,
+    memory: int = 3 * 2**29,
     expansion: int = 30,
 ) -> Content:
     """Return what ``loader`` reads from a file in a process of its own; LogError, its own or why it did not end well.
@@ -98,4 +99,4 @@ def _loaded(loader: Loader, path: Path, source: str) -> Content | str:
 if __name__ == "__main__":
     module, name, given, called = sys.argv[1:]
     read = _loaded(getattr(importlib.import_module(module), name), Path(given), called)
-    sys.stdout.buffer.write(ForkingPickler.dumps(read))
+    ForkingPickler(sys.stdout.buffer, HIGHEST_PROTOCOL).dump(read)  # array by array, never all of them twice

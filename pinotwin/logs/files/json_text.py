@@ -75,7 +75,7 @@ def _is_table(value: object) -> bool:
 
 
 def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
-    table, text, stamps = Table(), set[str](), list[int]()
+    table, text, stamps = Table(name or "the messages"), set[str](), list[int]()
     prefix = f"{name}." if name else ""
     for row in rows:
         if not isinstance(row, Mapping):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 import zlib
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
 
-from pinotwin.logs.files.content import BROKEN, Content, damaged
+from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
 
 _BROKEN = (*BROKEN, MatReadError, UnboundLocalError, zlib.error)  # an UnboundLocalError is scipy's own bug
 
@@ -21,6 +22,8 @@ def load(path: Path, source: str) -> Content:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MatReadWarning)
+            shapes = [shape for _, shape, _ in scipy.io.whosmat(path)]
+            limited(source, sum(map(math.prod, shapes)), path.stat().st_size)
             stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
     except _BROKEN as error:
         raise damaged(source, error) from None

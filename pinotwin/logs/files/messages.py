@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.logs.files.content import SHORT, limited
 
 JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
 """Field of a JointState -> signal of the contract."""
@@ -24,24 +25,34 @@ _SECONDS, _NANOSECONDS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")
 class Table:
     """Columns of numbers that grow row by row; what a row does not have is missing."""
 
-    def __init__(self) -> None:
-        self.rows = 0
+    def __init__(self, source: str) -> None:
+        self.rows, self._source = 0, source
+        self._given = 0  # numbers in all rows
         self._columns: dict[str, array[float]] = {}
 
     def add(self, pairs: Iterable[tuple[str, float]]) -> None:
         """Append one row."""
         for name, x in pairs:
-            column = self._columns.setdefault(name, array("d"))
+            if name not in self._columns:
+                self._columns[name] = array("d")
+                self._limit()
+            column = self._columns[name]
             if len(column) <= self.rows:
                 self._fill(column)
                 column.append(x)
+                self._given += 1
         self.rows += 1
 
     def _fill(self, column: array[float]) -> None:
-        column.extend([np.nan] * (self.rows - len(column)))
+        column.extend(array("d", [np.nan]) * (self.rows - len(column)))
+
+    def _limit(self) -> None:
+        """Refuse names without end; a name takes as much as some rows."""
+        limited(self._source, (self.rows + SHORT) * len(self._columns), 8 * self._given)
 
     def arrays(self) -> dict[str, Floats]:
         """Return the columns, each of shape (rows,)."""
+        self._limit()
         for column in self._columns.values():
             self._fill(column)
         return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}

@@ -12,7 +12,7 @@ from typing import IO
 import numpy as np
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, damaged, held, limited
 
 _BROKEN = (*BROKEN, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 
@@ -35,8 +35,8 @@ def _promised(file: IO[bytes]) -> int:
     """Return how many numbers the header of an array promises, one at least along each dimension."""
     version = np.lib.format.read_magic(file)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, _ = read(file)
-    return math.prod(max(1, n) for n in shape)
+    shape, _, kind = read(file)
+    return math.prod(max(1, n) for n in shape) * held(kind)
 
 
 def load(path: Path, source: str) -> Content:

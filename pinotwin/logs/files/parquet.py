@@ -18,11 +18,15 @@ def load(path: Path, source: str) -> Content:
     content = Content(parts=_parts(path))
     try:
         meta = pq.read_metadata(path)
+        leaves = [meta.schema.column(j) for j in range(meta.num_columns)]
+        sizes = [max(1, (leaf.length or 0) // 8) for leaf in leaves]
         groups = [meta.row_group(k) for k in range(meta.num_row_groups)]
-        held = sum(group.column(j).num_values for group in groups for j in range(meta.num_columns))
+        chunks = [(group.column(j), size) for group in groups for j, size in enumerate(sizes)]
+        held = sum(max(c.num_values * size, c.total_uncompressed_size // 8) for c, size in chunks)
         limited(source, held, path.stat().st_size)
-        schema = meta.schema.to_arrow_schema()
-        texts = [field.name for field in schema if pa.types.is_string(field.type)]
+        texts = [
+            leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"
+        ]  # one text may fill all rows
         table = pq.ParquetFile(path, read_dictionary=texts).read()
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise damaged(source, error) from None

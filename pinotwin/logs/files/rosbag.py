@@ -14,6 +14,7 @@ axes) before ``columns`` in machine.yaml says that it is.
 from __future__ import annotations
 
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -30,8 +31,9 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pinotwin.errors import LogError
+from pinotwin.logs.files.checksums import unpacked, verify
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
-from pinotwin.logs.files.content import BROKEN, Content, damaged
+from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
 
 _BROKEN = (
@@ -46,7 +48,7 @@ class _Topic:
     """What one topic held."""
 
     kind: str  # whether it goes on the clock of the joints
-    table: Table = field(default_factory=Table)  # its numbers
+    table: Table  # its numbers
     # time of each message's header [ns]; 0 where it is not set
     stamps: list[int] = field(default_factory=list)
     logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
@@ -64,17 +66,56 @@ def load(path: Path, source: str) -> Content:
     text: set[str] = set()
     unknown: dict[str, str] = {}
     try:
+        if path.is_dir():
+            _verify(path, source)
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            _verify_messages(reader.readers[0], path, source)
             known = [c for c in reader.connections if _known(reader, c, unknown)]
             for connection, logged, raw in reader.messages(connections=known) if known else ():
                 message = reader.deserialize(raw, connection.msgtype)
                 _take(message, connection, logged, topics, text)
+            lost = list(_lost(known, topics))
     except _BROKEN as error:
         raise damaged(source, error, "repair it with `ros2 bag reindex` or copy it again") from None
     if not topics:
         held = ", ".join(f"{t} ({kind})" for t, kind in unknown.items()) or "none"
         raise LogError(f"{source}: holds no messages of numbers (topics: {held}); record /joint_states")
-    return _content(topics, text, unknown, source)
+    content = _content(topics, text, unknown, source)
+    content.notes += lost
+    return content
+
+
+def _verify(folder: Path, source: str) -> None:
+    """Refuse a bag with files that are none, differ from their checksums or unpack to more than they may."""
+    names = (folder / "metadata.yaml").read_text(errors="replace")
+    for file in (p for p in folder.iterdir() if p.name in names and p.name != "metadata.yaml"):
+        if not file.is_file():
+            raise LogError(f"{source}: {file.name} is no file; record or copy the bag again")
+        if file.suffix == ".mcap":
+            verify(file, source)
+        elif file.suffix == ".zstd":
+            with file.open("rb") as packed:
+                unpacked(packed, source, file.stat().st_size)
+
+
+def _verify_messages(bag: Any, path: Path, source: str) -> None:
+    """Refuse a bag whose messages, where each is compressed, unpack to more than a log of its size may."""
+    size, held = sum(p.stat().st_size for p in (path, *path.glob("*"))), 0
+    for storage in bag.storage.storages if getattr(bag, "compression_mode", None) == "message" else ():
+        for _, _, packed in storage.messages(storage.connections):
+            held += unpacked(packed, source, size)
+            limited(source, held, size)
+
+
+def _lost(known: list[Connection], topics: dict[str, _Topic]) -> Iterator[str]:
+    """Yield a note for each topic of which the bag states other messages than were read."""
+    stated: Counter[str] = Counter()
+    for connection in known:
+        stated[connection.topic] += connection.msgcount
+    for name, count in stated.items():
+        read = len(topics[name].logged) if name in topics else 0
+        if read != count:
+            yield f"{name}: {read} messages where the bag states {count}: it is damaged, copy it again"
 
 
 def _known(reader: AnyReader, connection: Connection, unknown: dict[str, str]) -> bool:
@@ -93,7 +134,7 @@ def _take(
     value = _plain(message)
     joints = joint_names(value)
     servo = bool(joints) or kind in ("Wrench", "WrenchStamped")
-    topic = topics.setdefault(connection.topic, _Topic(_SERVO if servo else _OTHER))
+    topic = topics.setdefault(connection.topic, _Topic(_SERVO if servo else _OTHER, Table(connection.topic)))
     if joints:
         pairs: Iterator[tuple[str, float]] = joint_signals(value, joints)
     elif servo:

@@ -1,0 +1,83 @@
+"""What an MCAP file or a compressed one says of itself, before its messages are read: checksums, counts and sizes."""
+
+from __future__ import annotations
+
+import zlib
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import zstandard
+from lz4.frame import LZ4FrameDecompressor
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Footer, Message, Statistics
+from mcap.stream_reader import StreamReader
+
+from pinotwin.logs.files.content import BROKEN, damaged, limited
+
+BROKEN_MCAP = (*BROKEN, McapError, zstandard.ZstdError)
+REMEDY = "recover it with `mcap recover`"
+
+
+def verify(path: Path, source: str) -> None:
+    """Refuse an MCAP file that differs from its checksums, lost messages, or unpacks to more than it may."""
+    size, unpacked, messages, stated = path.stat().st_size, 0, 0, None
+    try:
+        with path.open("rb") as file:
+            reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size)
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    unpacked += record.uncompressed_size // 8
+                    limited(source, unpacked, size)
+                    messages += _messages(_records(record))
+                    limited(
+                        source, unpacked + 32 * messages, size
+                    )  # so many numbers' memory each, while read
+                elif isinstance(record, Message):
+                    messages += 1
+                elif isinstance(record, Statistics):
+                    stated = record.message_count
+                elif isinstance(record, Footer):  # of 25 bytes before its checksum; 12 follow
+                    file.seek(record.summary_start or size - 37)
+                    _agree(file.read()[:-12], record.summary_crc, "summary")
+                    file.seek(-8, 2)
+        if stated not in (None, messages):
+            raise ValueError(f"{messages} messages of {stated}")
+    except BROKEN_MCAP as error:
+        raise damaged(source, error, REMEDY) from None
+
+
+def _agree(data: bytes, crc: int, what: str) -> None:
+    if crc and zlib.crc32(data) != crc:
+        raise ValueError(f"checksum of the {what}")
+
+
+def _records(chunk: Chunk) -> bytes:
+    data, most = chunk.data, chunk.uncompressed_size + 1
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(most)
+    elif chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(data, max_length=most)
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"a chunk of {len(data)} bytes instead of {chunk.uncompressed_size}")
+    _agree(data, chunk.uncompressed_crc, "chunk")
+    return data
+
+
+def _messages(records: bytes) -> int:
+    at = count = 0
+    while at < len(records):
+        count += records[at] == Opcode.MESSAGE
+        at += 9 + int.from_bytes(records[at + 1 : at + 9], "little")
+    if at > len(records):
+        raise ValueError("a record is longer than its chunk")
+    return count
+
+
+def unpacked(packed: bytes | BinaryIO, source: str, size: int) -> int:
+    """Return to how many numbers of 8 bytes Zstandard unpacks, refused above what a file of ``size`` bytes may hold."""
+    with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
+        while stream.read(1 << 20):
+            limited(source, stream.tell() // 8, size)
+        return stream.tell() // 8
