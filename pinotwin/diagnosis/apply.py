@@ -70,11 +70,7 @@ def _sprung(machine: Machine, found: Found) -> Machine:
 
 
 def _with(machine: Machine, found: Found) -> Machine:
-    """Return the machine with one effect added to its axis; the machine itself where a file cannot say it.
-
-    The new effect stands for those that are cases of it: presliding for Coulomb friction and its Stribeck
-    term. A drive's limit is written as ``effort_limit``.
-    """
+    """Return the machine with one effect added to its axis; the machine itself where a file cannot say it."""
     name = str(found.axis)
     axis = machine.axis(name)
     if found.effect == "saturation":

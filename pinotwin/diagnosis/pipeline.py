@@ -218,11 +218,7 @@ class _Searched:
 def _searched(
     c: Comparison, every: Sequence[Effect], leave_out: Sequence[str], rules: Rules, tell: Tell, *, quick: bool
 ) -> _Searched:
-    """Return the causes that come with the motion and the pushes from outside.
-
-    Pushes stand against causes that return with the motion on the same axis: whichever closes more. Their
-    rows are then left out, and the search goes on without them.
-    """
+    """Return the causes that come with the motion and the pushes from outside."""
     most = 1 if quick else None
     found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
     asks = "external_force" not in leave_out

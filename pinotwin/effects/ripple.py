@@ -35,10 +35,7 @@ def _waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
 
 
 def _even(lower: float, upper: float, count: int) -> Floats:
-    """Return pitches between bounds, uniform in spatial frequency: over a travel L, sinusoids 1/L apart are told apart.
-
-    A quarter of that leaves every basin of the search with a start of its own.
-    """
+    """Return pitches between bounds, even in spatial frequency: steps of 1/(4 L) on a travel L reach every minimum."""
     return 1.0 / np.linspace(1.0 / upper, 1.0 / lower, count)
 
 

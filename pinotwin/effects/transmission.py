@@ -111,10 +111,7 @@ def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0)
 
 
 def _posture(own: Floats, least: float = 0.05) -> Floats:
-    """Return the mean inertia behind the spring over that of every row, shape (n,), above ``least`` of the mean.
-
-    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture.
-    """
+    """Return the mean inertia behind the spring over that of every row, shape (n,), above ``least`` of the mean."""
     mean = float(np.mean(own))
     behind = np.maximum(own - (1.0 - LOAD) * mean, least * mean)
     return LOAD * mean / behind

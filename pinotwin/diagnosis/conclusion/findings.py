@@ -89,11 +89,7 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
 
 
 def _resonance(c: Comparison, one: Scored) -> Size | None:
-    """Return the mode of a flexible drive with its motor free, from that with the motor held.
-
-    A load that is the share s of an axis' inertia swings with the motor at f / sqrt(1 - s). Of a machine the
-    inertia is that fitted beside the spring.
-    """
+    """Return the mode of a flexible drive with its motor free, from that with the motor held."""
     effect = named(one.effect)
     known = inertias(c, one.judged, one.joint)
     if effect.name not in ("drive_flexibility", "joint_flexibility") or known is None:

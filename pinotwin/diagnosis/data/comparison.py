@@ -292,11 +292,7 @@ def _known(
     own: Sample | None,
     own_errors: Mapping[int, Floats],
 ) -> tuple[list[Motion], list[Motion], list[str], list[str]]:
-    """Return motions without rows at which the twin does not know its effects, what to say, and axes without others.
-
-    A table beyond its knots is a guess, and so is what the twin's own logs told with an error beyond its misfit: what
-    they are off by is no change. An axis that is hardly anywhere else is named: it cannot be judged.
-    """
+    """Return motions without rows at which the twin does not know its effects, what to say, and axes without others."""
     words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
     largest = {j: float(x.max(initial=0.0)) for j, x in own_errors.items()}
@@ -358,12 +354,7 @@ def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
 
 
 def _floor(twin: Twin, new: Sample, own: Sample | None, own_errors: Mapping[int, Floats]) -> dict[int, float]:
-    """Return the size by which the rows of each joint are divided.
-
-    A change is held against the misfit of the twin, and against what its coefficients are unsure by in this motion more
-    than in its own: where it has hardly been it is off by more than its misfit. Where there is none, a share of the
-    effort stands for what any good model leaves: axes that are off by more than that then weigh more.
-    """
+    """Return the size by which the rows of each joint are divided."""
     out = {}
     here = {} if own is None else _errors(twin, new)
     for j in new.joints:

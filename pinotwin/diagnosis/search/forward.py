@@ -132,12 +132,7 @@ def _beside(comparison: Comparison, steps: Sequence[Step], more: Sequence[Scored
 def _first_of_two(
     winner: Scored, able: Sequence[Scored], searcher: Searcher, shortlist: Shortlist, rules: Rules
 ) -> Scored:
-    """Return the first of two plain causes that together close as much as a table or a curve, with fewer numbers.
-
-    Where a machine lists a ripple whose pitch was found for want of another one, two ripples are open, and a table is
-    the only single cause that has both. They depend on the same as it does: friction beside a ripple may close as much
-    as a table of what both leave. Else the winner is returned; a body has many numbers too, but stands for no two.
-    """
+    """Return the first of two plain causes that together close as much as a table or a curve, with fewer numbers."""
     if winner.numbers < rules.rich or not named(winner.effect).held:
         return winner
     plain = [r for r in able if _plain_beside(winner, r, rules)]
@@ -182,22 +177,14 @@ def _plain_beside(rich: Scored, one: Scored, rules: Rules) -> bool:
 
 
 def _usual_before(fit: Sequence[Scored], scatters: Sequence[Scored], known: Collection[int]) -> Scored | None:
-    """Return friction by which runs may differ that closes more than what would be named on its axis, if there is any.
-
-    Were it passed over, a cause would be named for what is none: a twentieth of the friction looks a little like a
-    table or a drive's scale. One of an axis is enough.
-    """
+    """Return friction by which runs may differ that closes more than what would be named on its axis, if any."""
     best = {one.joint: one for one in reversed(fit)}
     beating = (s for s in scatters if s.joint in best and s.gain > best[s.joint].gain)
     return next((s for s in beating if s.joint not in known), None)
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rules) -> bool:
-    """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over.
-
-    What a cause leaves of its own form looks like those that it imitates: of these more is asked. Another one that
-    closes most of all that is left, and many times what the model leaves anyway, is no trace beside a larger gap.
-    """
+    """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over."""
     same = [named(s.chosen.effect) for s in steps if s.chosen.joint == one.joint]
     if not same:
         return False
@@ -220,11 +207,7 @@ _NOTHING_CERTAIN = "explains nothing for certain on held-out rows"
 
 
 def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
-    """Whether play or a spring that looks like a candidate closes more of its axis, and is only not certain.
-
-    Play that the weight on it crosses a few times shows in as many impacts, none of which is foreseen well, least of
-    all in another log; what they have in common with a delay is less, but the same each time.
-    """
+    """Whether play or a spring that looks like a candidate closes more of its axis, and is only not certain."""
     return any(
         (why.endswith(_UNCERTAIN) or why == _NOTHING_CERTAIN)
         and better.key[1] == one.key[1]
@@ -237,12 +220,7 @@ def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
 def _with_play(
     fit: Sequence[Scored], answers: Sequence[tuple[Scored, str]], searcher: Searcher, rules: Rules
 ) -> list[Scored]:
-    """Return candidates that are taken in, best first, with play and springs that close more than a delay.
-
-    Of a machine more is asked of these, for they look like whatever a small axis leaves. Where a delay is there for
-    certain, which they look like, so is something: then the one that closes more is named. Friction is no such sign:
-    what rattles at the bottom of the encoder's noise closes a little more than drag or a Stribeck term that is there.
-    """
+    """Return candidates that are taken in, best first, with play and springs that close more than a delay."""
     least = replace(rules, share_played=rules.share_structure)
     more = [
         r

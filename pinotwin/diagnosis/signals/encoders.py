@@ -339,11 +339,7 @@ def _changed(new: _Twist, known: Blocked, change: Blocked, names: Sequence[str])
 
 
 def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], dict[str, Shrink]]:
-    """Return the parts that the twist has, most telling first, and what those that can be real close of it.
-
-    Of changes that close about as much the one with fewer numbers is taken: at one speed play looks like friction
-    that bends a spring.
-    """
+    """Return the parts that the twist has, most telling first, and what those that can be real close of it."""
     least = max(RULES.encoder_noise * new.noise, 0.0 if known is None else known.left)
     always, there = _standing(known), _by_part(new, known)
     first = new.fit(always, y, there).left
@@ -431,13 +427,7 @@ class _Told:
         return Found(effect, self.axis, sure, shape, theta, {"ql": shrink}, [], size=sizes, gain=shrink.share)
 
     def _spring(self, fit: Blocked, known: Blocked | None) -> list[Size]:
-        """Return stiffness, damping and rotor's inertia.
-
-        The interval of the stiffness holds those of the fit with and without a table beside it (a weight that
-        goes with the posture is told from a table by its acceleration alone), and those of the reverse
-        fit, of the effort by the twist: noise of the effort makes the one too stiff, noise of the encoders
-        the other too soft, and what is stated lies between. Of a change the one fit is compared with itself.
-        """
+        """Return stiffness, damping and rotor's inertia."""
         at = self.new.at(self.names, "spring")
         ranges, between = [_inverse(fit, at)], 0.0
         if self.placed and known is None:

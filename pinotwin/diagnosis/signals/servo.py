@@ -280,11 +280,7 @@ def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
 def _rests(
     new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules, *, strays: bool
 ) -> float | None:
-    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None.
-
-    Of an axis whose position does not go with its command, which may be a command in another unit, the effort must
-    also stay below what it was on the own logs.
-    """
+    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
     errors = [
         rms(np.concatenate([m.error[:, joint] for m in part if m.qr is not None])) for part in (new, own)
     ]
