@@ -279,11 +279,9 @@ def _refined(
     bounds: Bounds | None,
     settings: Settings,
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
-    """Refine an axis' friction and position effects through its loop, unless held-out data object.
+    """Refine an axis' friction and position effects through its loop; None where held-out data object.
 
-    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that were
-    fitted beside wrong friction pull the friction along, most of all where a structure bends. With the data and
-    the loop of their first part go the effects before and after; None where they stay as they are.
+    They are found in turn: poles fitted beside wrong friction pull it along, most of all where a structure bends.
     """
     deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
     mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)

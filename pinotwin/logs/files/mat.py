@@ -22,8 +22,7 @@ def load(path: Path, source: str) -> Content:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MatReadWarning)
-            shapes = [shape for _, shape, _ in scipy.io.whosmat(path)]
-            limited(source, sum(map(math.prod, shapes)), path.stat().st_size)
+            limited(source, _stated_size(path), path.stat().st_size)
             stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
     except _BROKEN as error:
         raise damaged(source, error) from None
@@ -31,6 +30,14 @@ def load(path: Path, source: str) -> Content:
         if not str(name).startswith("__") and str(name) != "None":
             _flatten(str(name), value, content)
     return content
+
+
+def _stated_size(path: Path) -> int:
+    """Return how many numbers the headers of a file state; 0 where scipy cannot list them, beside objects."""
+    try:
+        return sum(math.prod(shape) for _, shape, _ in scipy.io.whosmat(path))
+    except TypeError:
+        return 0
 
 
 def _flatten(name: str, value: object, content: Content) -> None:
