@@ -279,10 +279,7 @@ def _refined(
     bounds: Bounds | None,
     settings: Settings,
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
-    """Refine an axis' friction and position effects through its loop; None where held-out data object.
-
-    They are found in turn: poles fitted beside wrong friction pull it along, most of all where a structure bends.
-    """
+    """Refine an axis' friction and position effects through its loop; None where held-out data object."""
     deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
     mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)
     if mine is None:
