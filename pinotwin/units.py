@@ -17,11 +17,8 @@ _REV = 2.0 * math.pi
 _G = 9.80665
 
 _SIZES = (
-    (
-        1.0,
-        "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law magnitude",
-    ),
-    (1.0, "°C K Hz"),
+    (1.0, "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law"),
+    (1.0, "°C K Hz magnitude"),
     (1e3, "kN kNm kA kW kHz"),
     (60.0, "min"),
     (_G, "g"),

@@ -96,3 +96,19 @@ def test_a_law_may_be_nested(tmp_path) -> None:
 def test_another_kind_is_refused_with_its_path(tmp_path, kind) -> None:
     with pytest.raises(MachineError, match=r"axes\.A\.effort\.kind"):
         _machine(tmp_path, None, {"A": {"kind": kind}})
+
+
+def test_the_kind_holds_for_an_effort_that_is_mapped_too(tmp_path, recorded) -> None:
+    path = pt.Machine.load("trunnion").save(tmp_path)
+    spec = yaml.safe_load(path.read_text())
+    spec["columns"] = {"A.u": {"column": "torque", "unit": "mN"}, "C.u": "current"}
+    spec["axes"]["A"]["effort"], spec["axes"]["C"]["effort"] = {"kind": "magnitude"}, {"kind": "current"}
+    path.write_text(yaml.safe_dump(spec))
+    machine = pt.Machine.load(tmp_path)
+    assert (machine.columns["C.u"].column, machine.columns["C.u"].unit) == ("current", "A")
+    rest = {k: recorded[k] for k in recorded.channels if k not in ("A.u", "C.u")}
+    log = recorded.with_channels({**rest, "torque": np.abs(recorded["A.u"]), "current": recorded["C.u"]})
+    bound = pt.columns.bind(log, machine.columns)
+    assert "A.u" not in bound.channels
+    assert any(text.startswith("A.u: a magnitude has no sign") for text in bound.notes)
+    assert pt.Machine.load(machine.save(tmp_path / "again")).columns == machine.columns

@@ -83,9 +83,10 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
     for key in REQUIRED:
         if not file.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
-    efforts, weightless = sections.efforts(file["axes"], file.get("effort"))
+    mapped = file.get("columns", {})
+    efforts, weightless = sections.efforts(file["axes"], file.get("effort"), mapped)
     if efforts:
-        spec = {**spec, "columns": {**efforts, **(spec.get("columns") or {})}}
+        spec = {**spec, "columns": {**mapped, **efforts}}
     parts = {"axes": file["axes"], "passive": file.get("passive", {})}
     _check_words(file["name"], file["urdf"], parts)
     urdf = path.parent / file["urdf"]
@@ -110,7 +111,7 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         passive=passive,
         imus=sections.imus(file.get("imus", {}), urdf),
         loop=sections.loops(file, tuple(axes)),
-        columns=sections.columns({**efforts, **file.get("columns", {})}, (*axes, *passive), model),
+        columns=sections.columns({**mapped, **efforts}, (*axes, *passive), model),
         transmission=sections.transmission(file.get("transmission", {}), axes, model.nv),
         data=sections.data_settings(file.get("data", {})),
         spec=spec,

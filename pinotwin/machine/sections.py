@@ -82,8 +82,10 @@ def columns(stated: Mapping[str, Any], names: tuple[str, ...], model: pin.Model)
     return columns
 
 
-def efforts(axes: Mapping[str, dict[str, Any]], of_all: Any) -> tuple[dict[str, dict[str, Any]], bool]:
-    """Return the columns that `effort` of the axes makes, and whether their weight was taken out of all of them."""
+def efforts(
+    axes: Mapping[str, dict[str, Any]], of_all: Any, mapped: Mapping[str, Any]
+) -> tuple[dict[str, dict[str, Any]], bool]:
+    """Return the columns that `effort` makes beside those mapped, and whether the weight is out of all efforts."""
     out, kinds = {}, {}
     for name, axis in axes.items():
         where = f"axes.{name}.effort"
@@ -92,9 +94,11 @@ def efforts(axes: Mapping[str, dict[str, Any]], of_all: Any) -> tuple[dict[str, 
         if isinstance(given.get("law"), Mapping):
             law = read(given.pop("law"), dict[str, dict[str, Number]], f"{where}.law")
             given |= {"law": next(iter(law), ""), **next(iter(law.values()), {})}
-        unit = _UNITS.get(kinds[name], {})
+        unit, own = _UNITS.get(kinds[name], {}), mapped.get(f"{name}.u", {})
+        own = own if isinstance(own, dict) else {"column": own}
+        lost = unit if kinds[name] == "magnitude" else {}  # whatever it is a magnitude of
         if given or unit:
-            out[f"{name}.u"] = {**({} if given else {"column": f"{name}.u"}), **unit, **given}
+            out[f"{name}.u"] = ({} if given else {"column": f"{name}.u"}) | unit | given | own | lost
     bare = [name for name, kind in kinds.items() if kind == "gravity_compensated"]
     if bare and len(bare) < len(kinds):
         rest = joined([name for name in kinds if name not in bare])

@@ -31,9 +31,8 @@ def verify(path: Path, source: str) -> None:
                     unpacked += record.uncompressed_size // 8
                     limited(source, unpacked, size)
                     messages += _messages(_records(record))
-                    limited(
-                        source, unpacked + 32 * messages, size
-                    )  # so many numbers' memory each, while read
+                    # while it is read a message takes the memory of so many numbers
+                    limited(source, unpacked + 32 * messages, size)
                 elif isinstance(record, Message):
                     messages += 1
                 elif isinstance(record, Statistics):
