@@ -28,7 +28,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest
 from pinotwin.log import Log, split_unit
-from pinotwin.units import COUNTS, ELECTRICAL, MAGNITUDE, SI_FACTOR, si_factor
+from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR, UNUSED, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
 POSITIONS = ("q", "qr", "ql")
@@ -111,18 +111,18 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
     for name in [name for name, column in columns.items() if column.law]:
         with suppress(LogError) if name in optional else nullcontext():
             channels[name], units[name], scale[name] = _by_law(log, channels, name, columns[name])
-    notes += _unsigned_dropped(channels, columns)
+    notes += _unused_dropped(channels, columns)
     left = [name for name in log.channels if name not in used]
     notes += [f"not mapped and left out: {_some(left)}"] if left else []
     return _sized(Log(channels, log.source, log.scalars, tuple(notes), units, scale), columns)
 
 
-def _unsigned_dropped(channels: dict[str, Floats], columns: Mapping[str, Column]) -> list[str]:
-    """Drop the efforts whose sign is lost, and return what to say of them."""
-    unsigned = [name for name in channels if name in columns and columns[name].unit == MAGNITUDE]
-    for name in unsigned:
+def _unused_dropped(channels: dict[str, Floats], columns: Mapping[str, Column]) -> list[str]:
+    """Drop the efforts that are none of the motor's, and return what to say of them."""
+    unused = [name for name in channels if name in columns and columns[name].unit in UNUSED]
+    for name in unused:
         del channels[name]
-    return [f"{name}: a magnitude has no sign and is not used; log the signed effort" for name in unsigned]
+    return [f"{name}: {UNUSED[columns[name].unit or '']}" for name in unused]
 
 
 def unsized(log: Log) -> dict[str, str]:

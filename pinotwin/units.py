@@ -18,7 +18,7 @@ _G = 9.80665
 
 _SIZES = (
     (1.0, "1 - s sec Sek m rad m/s rad/s m/s^2 m/s² rad/s^2 rad/s² N Nm N·m N.m N*m A Arms Apk V W degC law"),
-    (1.0, "°C K Hz magnitude"),
+    (1.0, "°C K Hz magnitude external"),
     (1e3, "kN kNm kA kW kHz"),
     (60.0, "min"),
     (_G, "g"),
@@ -37,8 +37,11 @@ _SIZES = (
     (1e-9, "ns nm"),
 )
 
-MAGNITUDE = "magnitude"
-"""Unit of an effort whose sign is lost: it is not used."""
+UNUSED = {
+    "magnitude": "a magnitude has no sign and is not used; log the signed effort",
+    "external": "an external effort holds nothing of the motor's and is not used; log the measured effort",
+}
+"""Unit of an effort that is none of the motor's -> what to say of it."""
 COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse", "pulses")
 """Encoder counts have no size of their own: a column's `factor` must say how large one is."""
 

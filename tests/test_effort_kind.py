@@ -73,8 +73,9 @@ def test_an_effort_of_no_size_has_one_unknown_factor(tmp_path, recorded, kind, u
     assert set(found.quality["sizes"]) == {"A"}
 
 
-def test_a_magnitude_is_not_used(tmp_path, recorded) -> None:
-    machine = _machine(tmp_path, None, {"A": {"kind": "magnitude"}})
+@pytest.mark.parametrize("kind", ["magnitude", "external"])
+def test_an_effort_that_is_none_of_the_motors_is_not_used(tmp_path, recorded, kind) -> None:
+    machine = _machine(tmp_path, None, {"A": {"kind": kind}})
     log = recorded.with_channels(
         {**{k: recorded[k] for k in recorded.channels}, "A.u": np.abs(recorded["A.u"])}
     )

@@ -12,6 +12,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.errors import LogError
 from pinotwin.logs import Settings
+from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.prepared import Prepared
 from pinotwin.solve.lead import lag
@@ -195,6 +196,13 @@ def test_what_a_motion_would_not_show_is_said() -> None:
         assert "a wrong effort unit on C" in said
         assert "effort of C that is 20 ms late" in said
         assert "of A" not in said
+
+
+def test_the_axes_of_a_long_chain_are_not_exchanged_pair_by_pair() -> None:
+    machine, log = pt.Machine.load("trunnion"), Prepared.of(pt.Machine.load("trunnion"), pt.Log(recorded()))
+    assert log.efforts is not None
+    assert [f.code for f in unseen(machine, log.motion, log.efforts, most=2)] == ["not_tried"]
+    assert "not_tried" not in {f.code for f in unseen(machine, log.motion, log.efforts)}
 
 
 def test_axes_that_move_alike_cannot_be_told_apart() -> None:

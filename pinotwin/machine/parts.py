@@ -56,8 +56,8 @@ class Axis:
         min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
         min_acceleration: unless they accelerate harder than this [m/s² or rad/s²].
         lead: time by which its logged effort is ahead of its position [s]; None leaves it to `identify`.
-        effort: what the logged effort is, ``{kind: raw}``, ``gravity_compensated``, ``magnitude``, ``percent`` or
-            ``current``; or the law ``{law: pd, kp: ..., kd: ...}`` of a servo whose torque is not logged.
+        effort: what the logged effort is, ``{kind: raw}``, ``gravity_compensated``, ``magnitude``, ``external``,
+            ``percent`` or ``current``; or the law ``{law: pd, kp: ..., kd: ...}`` of a servo without a logged torque.
     """
 
     name: str = field(metadata=from_file())

@@ -19,7 +19,7 @@ from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.system.phrases import joined
 from pinotwin.system.reading import Number, known_key, read, read_keys
-from pinotwin.units import MAGNITUDE, SI_FACTOR
+from pinotwin.units import SI_FACTOR, UNUSED
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
 _FACTOR = Annotated[Number | str, Meta(description="a number, or the name of one in the log")]
@@ -27,8 +27,8 @@ _COLUMN: dict[str, Any] = {"column": str | int, "unit": str, "factor": _FACTOR} 
     ("offset", "rate", "wrap", "kp", "kd", "found"), Number
 )
 _COLUMN |= {"law": Annotated[str, Meta(pattern="^pd$", description="pd")]}
-_Kind = Literal["raw", "gravity_compensated", "magnitude", "percent", "current"]
-_UNITS = {"percent": {"unit": "%"}, "current": {"unit": "A"}, "magnitude": {"unit": MAGNITUDE}}
+_Kind = Literal["raw", "gravity_compensated", "magnitude", "external", "percent", "current"]
+_UNITS = {"percent": {"unit": "%"}, "current": {"unit": "A"}, **{kind: {"unit": kind} for kind in UNUSED}}
 
 
 def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
@@ -96,7 +96,7 @@ def efforts(
             given |= {"law": next(iter(law), ""), **next(iter(law.values()), {})}
         unit, own = _UNITS.get(kinds[name], {}), mapped.get(f"{name}.u", {})
         own = own if isinstance(own, dict) else {"column": own}
-        lost = unit if kinds[name] == "magnitude" else {}  # whatever it is a magnitude of
+        lost = unit if kinds[name] in UNUSED else {}  # whatever its unit
         if given or unit:
             out[f"{name}.u"] = ({} if given else {"column": f"{name}.u"}) | unit | given | own | lost
     bare = [name for name, kind in kinds.items() if kind == "gravity_compensated"]

@@ -48,44 +48,26 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fit without this prior found.
+    """What a fit without this prior found."""
 
-    Attributes:
-        factor: R of the weighted rows, shape (k, p).
-        right: z, shape (k,).
-        theta: its coefficients, shape (p,).
-        beta: indices of the base parameters within theta, in the order of P's rows.
-        lower: smallest values of theta, shape (p,), -inf for free.
-        upper: largest values, shape (p,); what ended there stays.
-    """
-
-    factor: Floats
-    right: Floats
-    theta: Floats
-    beta: Ints
-    lower: Floats
-    upper: Floats
+    factor: Floats  # R of the weighted rows, shape (k, p)
+    right: Floats  # z, shape (k,)
+    theta: Floats  # its coefficients, shape (p,)
+    beta: Ints  # indices of the base parameters within theta, in the order of P's rows
+    lower: Floats  # smallest values of theta, shape (p,), -inf for free
+    upper: Floats  # largest values, shape (p,); what ended there stays
 
 
 @dataclass(frozen=True)
 class Near:
-    """Parameters near the data and the URDF.
+    """Parameters near the data and the URDF."""
 
-    Attributes:
-        pi: standard parameters, shape (p_std,); P pi equals theta[beta].
-        theta: coefficients, shape (p,).
-        count: number of bodies.
-        at: what the data see of pi: ten parameters of each body, then rotor inertias, shape (n,).
-        root: F with F'F the second derivative in these, shape (k, n).
-        pull: first derivative of each body's, towards the URDF's when that grows, shape (bodies, 10).
-    """
-
-    pi: Floats
-    theta: Floats
-    count: int
-    at: Ints
-    root: Floats
-    pull: Floats
+    pi: Floats  # standard parameters, shape (p_std,); P pi equals theta[beta]
+    theta: Floats  # coefficients, shape (p,)
+    count: int  # number of bodies
+    at: Ints  # what the data see of pi: ten parameters of each body, then rotor inertias, shape (n,)
+    root: Floats  # F with F'F the second derivative in these, shape (k, n)
+    pull: Floats  # first derivative of each body's, towards the URDF's when that grows, shape (bodies, 10)
 
     @cached_property
     def share(self) -> Floats:
@@ -129,29 +111,17 @@ def near(evidence: Evidence, bodies: Bodies, weight: float, start: Near | None =
 
 @dataclass(frozen=True)
 class _Problem:
-    """The problem in x: ten parameters of each body and the rotor inertias that the data see.
+    """The problem in x: ten parameters of each body and the rotor inertias that the data see."""
 
-    Attributes:
-        bodies: what the URDF tells.
-        weight: g.
-        theta: coefficients, those kept as they are to be, shape (p,).
-        beta: indices of the base parameters within theta.
-        free: of the coefficients that follow x, m of them.
-        seen: of the bodies in x.
-        at: of x within pi, shape (n,).
-        metric: per body, J0^-1/2 E J0^-1/2 times sqrt(g), shape (bodies, 10, 10).
-        R: triangle of the quadratic part, its columns (free, x, right side).
-    """
-
-    bodies: Bodies
-    weight: float
-    theta: Floats
-    beta: Ints
-    free: Ints
-    seen: Ints
-    at: Ints
-    metric: Floats
-    R: Floats
+    bodies: Bodies  # what the URDF tells
+    weight: float  # g
+    theta: Floats  # coefficients, those kept as they are to be, shape (p,)
+    beta: Ints  # indices of the base parameters within theta
+    free: Ints  # of the coefficients that follow x, m of them
+    seen: Ints  # of the bodies in x
+    at: Ints  # of x within pi, shape (n,)
+    metric: Floats  # per body, J0^-1/2 E J0^-1/2 times sqrt(g), shape (bodies, 10, 10)
+    R: Floats  # triangle of the quadratic part, its columns (free, x, right side)
 
     @classmethod
     def of(cls, evidence: Evidence, bodies: Bodies, weight: float, theta: Floats, free: Ints) -> Self:

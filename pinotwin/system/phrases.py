@@ -142,6 +142,7 @@ LOG = {
     "not_excited": "{names}: this log does not excite it; move the axes that carry it harder",
     "not_separable": "not separable on this log: {names}",
     "identifiable": "{count} of {of} base parameters can be identified, condition {condition:.3g}",
+    "not_tried": "what this motion could not reveal is not tried on more than {most} axes",
     "not_told": "this motion could not reveal {what}. To check, move these axes faster and alone",
 }
 """What `check` says of a log: code -> sentence."""

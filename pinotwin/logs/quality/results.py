@@ -107,7 +107,7 @@ _ERRORS = (
     *("log_short", "unusable"),
 )
 _FACTS = (
-    *("clock_odd", "constant", "load_position", "not_told", "no_effect", "identifiable"),
+    *("clock_odd", "constant", "load_position", "not_told", "not_tried", "no_effect", "identifiable"),
     "effort_frictionless",
 )
 
