@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from mcap.reader import make_reader
@@ -104,6 +105,7 @@ def write_bag(
     wrench: bool = False,
     gripper: bool = False,
     compression: CompressionMode | None = None,
+    chunks: Literal["BZ2", "LZ4"] | None = None,
 ) -> Path:
     """Write channels ``<joint>.q .v .u .qr`` and the clock ``t``; returns the folder (ROS 1: the file)."""
     ros1 = storage == "ros1"
@@ -126,6 +128,8 @@ def write_bag(
     plugin = {"sqlite3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}.get(storage)
     serialize = make.store.serialize_ros1 if ros1 else make.store.serialize_cdr
     writer = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    if chunks:
+        writer.set_compression(Writer1.CompressionFormat[chunks])
     if compression:
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer as bag:

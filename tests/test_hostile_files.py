@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Literal
 
 import h5py
 import lz4.frame
@@ -230,6 +231,18 @@ def test_a_compressed_bag_is_unpacked_within_limits(
 ) -> None:
     log = {k: x[:300] for k, x in good_log().items()}
     bag = write_bag(tmp_path / "bag", log, storage="sqlite3", compression=mode)
+    assert len(pt.read(bag)) == 300
+    monkeypatch.setattr(content, "MOST", 1000)
+    with pytest.raises(LogError, match=r"claims .* numbers, more than"):
+        pt.read(bag)
+
+
+@pytest.mark.parametrize("chunks", ["BZ2", "LZ4"])
+def test_the_chunks_of_a_ros_1_bag_are_unpacked_within_limits(
+    tmp_path: Path, chunks: Literal["BZ2", "LZ4"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = {k: x[:300] for k, x in good_log().items()}
+    bag = write_bag(tmp_path / "log.bag", log, storage="ros1", chunks=chunks)
     assert len(pt.read(bag)) == 300
     monkeypatch.setattr(content, "MOST", 1000)
     with pytest.raises(LogError, match=r"claims .* numbers, more than"):

@@ -13,6 +13,8 @@ axes) before ``columns`` in machine.yaml says that it is.
 
 from __future__ import annotations
 
+import bz2
+import io
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
@@ -21,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import apsw
+import lz4.frame
 import numpy as np
 import zstandard
 from rosbags.highlevel import AnyReader, AnyReaderError
@@ -70,6 +73,7 @@ def load(path: Path, source: str) -> Content:
             _verify(path, source)
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             _verify_messages(reader.readers[0], path, source)
+            _verify_chunks(reader.readers[0], path, source)
             known = [c for c in reader.connections if _known(reader, c, unknown)]
             for connection, logged, raw in reader.messages(connections=known) if known else ():
                 message = reader.deserialize(raw, connection.msgtype)
@@ -105,6 +109,18 @@ def _verify_messages(bag: Any, path: Path, source: str) -> None:
         for _, _, packed in storage.messages(storage.connections):
             held += unpacked(packed, source, size)
             limited(source, held, size)
+
+
+def _verify_chunks(bag: Any, path: Path, source: str) -> None:
+    """Refuse a ROS 1 bag whose chunks unpack to more than a log of its size may."""
+    held, packed = 0, {bz2.decompress: bz2.open, lz4.frame.decompress: lz4.frame.open}
+    for chunk in getattr(bag, "chunks", {}).values():
+        if chunk.decompressor in packed:
+            bag.bio.seek(chunk.datapos)
+            with packed[chunk.decompressor](io.BytesIO(bag.bio.read(chunk.datasize))) as stream:
+                while part := stream.read(1 << 20):
+                    held += len(part)
+                    limited(source, held // 8, path.stat().st_size)
 
 
 def _lost(known: list[Connection], topics: dict[str, _Topic]) -> Iterator[str]:
