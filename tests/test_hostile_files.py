@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import h5py
 import lz4.frame
@@ -225,24 +225,20 @@ def test_what_the_metadata_of_a_bag_say_is_no_more_than_that(tmp_path: Path) -> 
         pt.read(bag)
 
 
-@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("bag", {"storage": "sqlite3", "compression": CompressionMode.FILE}),
+        ("bag", {"storage": "sqlite3", "compression": CompressionMode.MESSAGE}),
+        ("log.bag", {"storage": "ros1", "chunks": "BZ2"}),
+        ("log.bag", {"storage": "ros1", "chunks": "LZ4"}),
+    ],
+)
 def test_a_compressed_bag_is_unpacked_within_limits(
-    tmp_path: Path, mode: CompressionMode, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, name: str, kind: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = {k: x[:300] for k, x in good_log().items()}
-    bag = write_bag(tmp_path / "bag", log, storage="sqlite3", compression=mode)
-    assert len(pt.read(bag)) == 300
-    monkeypatch.setattr(content, "MOST", 1000)
-    with pytest.raises(LogError, match=r"claims .* numbers, more than"):
-        pt.read(bag)
-
-
-@pytest.mark.parametrize("chunks", ["BZ2", "LZ4"])
-def test_the_chunks_of_a_ros_1_bag_are_unpacked_within_limits(
-    tmp_path: Path, chunks: Literal["BZ2", "LZ4"], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = {k: x[:300] for k, x in good_log().items()}
-    bag = write_bag(tmp_path / "log.bag", log, storage="ros1", chunks=chunks)
+    bag = write_bag(tmp_path / name, log, **kind)
     assert len(pt.read(bag)) == 300
     monkeypatch.setattr(content, "MOST", 1000)
     with pytest.raises(LogError, match=r"claims .* numbers, more than"):

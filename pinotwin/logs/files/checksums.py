@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,6 +17,7 @@ from pinotwin.logs.files.content import BROKEN, damaged, limited
 
 BROKEN_MCAP = (*BROKEN, McapError, zstandard.ZstdError)
 REMEDY = "recover it with `mcap recover`"
+Stream = BinaryIO | zstandard.ZstdDecompressionReader
 
 
 def verify(path: Path, source: str) -> None:
@@ -55,7 +55,7 @@ def _agree(data: bytes, crc: int, what: str) -> None:
 def _records(chunk: Chunk) -> bytes:
     data, most = chunk.data, chunk.uncompressed_size + 1
     if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(most)
+        data = zstd(data).read(most)
     elif chunk.compression == "lz4":
         data = LZ4FrameDecompressor().decompress(data, max_length=most)
     if len(data) != chunk.uncompressed_size:
@@ -74,9 +74,15 @@ def _messages(records: bytes) -> int:
     return count
 
 
-def unpacked(packed: bytes | BinaryIO, source: str, size: int) -> int:
-    """Return to how many numbers of 8 bytes Zstandard unpacks, refused above what a file of ``size`` bytes may hold."""
-    with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-        while stream.read(1 << 20):
-            limited(source, stream.tell() // 8, size)
-        return stream.tell() // 8
+def zstd(packed: bytes | BinaryIO) -> zstandard.ZstdDecompressionReader:
+    """Return what Zstandard unpacks, as a stream."""
+    return zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
+
+
+def unpacked(stream: Stream, source: str, size: int, before: int = 0) -> int:
+    """Return how many bytes a stream holds beside those ``before``, refused above what a file of ``size`` may hold."""
+    with stream:
+        while part := stream.read(1 << 20):
+            before += len(part)
+            limited(source, before // 8, size)
+    return before

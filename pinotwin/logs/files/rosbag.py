@@ -34,9 +34,9 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.checksums import unpacked, verify
+from pinotwin.logs.files.checksums import unpacked, verify, zstd
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
-from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, damaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
 
 _BROKEN = (
@@ -98,8 +98,7 @@ def _verify(folder: Path, source: str) -> None:
         if file.suffix == ".mcap":
             verify(file, source)
         elif file.suffix == ".zstd":
-            with file.open("rb") as packed:
-                unpacked(packed, source, file.stat().st_size)
+            unpacked(zstd(file.open("rb")), source, file.stat().st_size)
 
 
 def _verify_messages(bag: Any, path: Path, source: str) -> None:
@@ -107,8 +106,7 @@ def _verify_messages(bag: Any, path: Path, source: str) -> None:
     size, held = sum(p.stat().st_size for p in (path, *path.glob("*"))), 0
     for storage in bag.storage.storages if getattr(bag, "compression_mode", None) == "message" else ():
         for _, _, packed in storage.messages(storage.connections):
-            held += unpacked(packed, source, size)
-            limited(source, held, size)
+            held = unpacked(zstd(packed), source, size, held)
 
 
 def _verify_chunks(bag: Any, path: Path, source: str) -> None:
@@ -117,10 +115,8 @@ def _verify_chunks(bag: Any, path: Path, source: str) -> None:
     for chunk in getattr(bag, "chunks", {}).values():
         if chunk.decompressor in packed:
             bag.bio.seek(chunk.datapos)
-            with packed[chunk.decompressor](io.BytesIO(bag.bio.read(chunk.datasize))) as stream:
-                while part := stream.read(1 << 20):
-                    held += len(part)
-                    limited(source, held // 8, path.stat().st_size)
+            stream = packed[chunk.decompressor](io.BytesIO(bag.bio.read(chunk.datasize)))
+            held = unpacked(stream, source, path.stat().st_size, held)
 
 
 def _lost(known: list[Connection], topics: dict[str, _Topic]) -> Iterator[str]:
