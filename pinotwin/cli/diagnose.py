@@ -176,13 +176,8 @@ def where_lines(found: Diagnosis) -> list[str]:
 
 def next_lines(found: Diagnosis) -> list[str]:
     """Return what a person can do next, at the machine first."""
-    from pinotwin.diagnosis.phrases import on_axis
-    from pinotwin.effects import EFFECTS
+    from pinotwin.diagnosis.phrases import on_axis, remedy
 
-    lines = [
-        f"{on_axis(e.effect, e.axis)}: {EFFECTS[e.effect].remedy}"
-        for e in found.effects
-        if e.effect in EFFECTS
-    ]
+    lines = [f"{on_axis(e.effect, e.axis)}: {remedy(e.effect)}" for e in found.effects if remedy(e.effect)]
     files = f"record the motion of {', '.join(found.commands)} (in the folder)" if found.commands else ""
     return [*lines, *found.advice, *([files] if files else [])]

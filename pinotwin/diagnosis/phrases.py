@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import known
-from pinotwin.system.phrases import REGIONS
+from pinotwin.system.phrases import CAUSES, REGIONS
 
 
 def effect_words(name: str) -> str:
     """Return an effect's title as it stands inside a sentence."""
-    title = known()[name].title if name in known() else name.replace("_", " ")
+    title = known()[name].title if name in known() else CAUSES.get(name, (name.replace("_", " "),))[0]
     return title[:1].lower() + title[1:]
 
 
@@ -44,7 +44,12 @@ def label_words(label: str) -> str:
 
 def explanation(name: str) -> str:
     """Return what an effect is on the machine; empty for one that is not listed."""
-    return known()[name].words if name in known() else ""
+    return known()[name].words if name in known() else CAUSES.get(name, ("", ""))[1]
+
+
+def remedy(name: str) -> str:
+    """Return what a person can do about a cause; empty for one that is not listed."""
+    return known()[name].remedy if name in known() else CAUSES.get(name, ("", "", ""))[2]
 
 
 def plain_sentence(text: str) -> str:

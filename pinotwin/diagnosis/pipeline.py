@@ -22,6 +22,7 @@ from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, tra
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
+from pinotwin.diagnosis.days.answer import diagnosed
 from pinotwin.diagnosis.evidence.bodies import undetermined
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.rules import RULES, Rules
@@ -65,6 +66,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     leave_out: Sequence[str] = (),
     effects: Sequence[EffectLike] = (),
     closed_loop: bool = True,
+    false_alarm: float = 0.02,
     rules: Rules = RULES,
 ) -> Diagnosis:
     """Say where logs and their model differ, which effects cause it, and how far the residual falls.
@@ -80,6 +82,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         leave_out: effects of the catalogue that are not to be considered.
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
+        false_alarm: share of healthy logs of which something may be said, of a twin of several days.
         rules: thresholds.
 
     Raises:
@@ -90,6 +93,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("preparing the logs", 0.02)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
     c = compare(subject, logs, unseen)
+    days = None if leave_out or effects else diagnosed(c, seed=seed, quick=quick, false_alarm=false_alarm)
+    if days is not None:
+        return replace(days, prepared=c.among(logs), sealed=c.validation)
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]

@@ -210,6 +210,7 @@ class Diagnosis(Drawn):
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
+        recording: faults of the recording itself: fault, axis and its number, before which no cause is named.
         provenance: version, options, seed, and the logs with their fingerprints.
         prepared: logs that were diagnosed, with their motions.
         sealed: logs that nothing was fitted to, likewise.
@@ -236,6 +237,7 @@ class Diagnosis(Drawn):
     missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
+    recording: Sequence[Mapping[str, Any]] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     prepared: Sequence[Prepared] = field(default=(), repr=False, compare=False)
     sealed: Sequence[Prepared] = field(default=(), repr=False, compare=False)
@@ -305,6 +307,7 @@ class Diagnosis(Drawn):
                 "advice": list(self.advice),
                 "warnings": list(self.warnings),
                 "differs": list(self.differs),
+                "recording": [dict(x) for x in self.recording],
                 "situation": self.situation,
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
                 "quick": self.quick,

@@ -23,9 +23,9 @@ from pinotwin.diagnosis.phrases import (
     on_axis,
     plain_sentence,
     region_words,
+    remedy,
 )
 from pinotwin.diagnosis.result import Diagnosis, Found, Region
-from pinotwin.effects import known
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Plot, Tabs, chip, macro, table
@@ -56,7 +56,7 @@ def diagnosis_report(
     logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
     grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
-    remedies = [(e, known()[e.effect].remedy) for e in d.effects if e.effect in known()]
+    remedies = [(e, text) for e in d.effects if (text := remedy(e.effect))]
     content = {
         "lines": headline(d),
         "changes": _changes(d),

@@ -332,3 +332,52 @@ STUDIED = {
 def joined(words: Sequence[str]) -> str:
     """Return ``a, b and c``."""
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+CAUSES = {
+    "friction_scale": (
+        "Friction",
+        "all friction of the axis is larger or smaller by one factor",
+        "check the preload of bearings, guides and screw, lubrication and wipers",
+    ),
+    "position_gain": (
+        "Position gain (Kv)",
+        "the gain of the position controller is not what it was",
+        "compare the drive's parameters with the backup; look for a change of mode or gain set",
+    ),
+    "integral": (
+        "Integral gain (reset time)",
+        "the integral of the velocity controller is not what it was",
+        "compare the drive's parameters with the backup; look for a change of mode or gain set",
+    ),
+    "velocity_feedforward": (
+        "Velocity feed-forward",
+        "the controller adds another share of the commanded speed than it did",
+        "compare the drive's parameters with the backup",
+    ),
+    "acceleration_feedforward": (
+        "Acceleration feed-forward",
+        "the controller adds another share of the commanded acceleration than it did",
+        "compare the drive's parameters with the backup",
+    ),
+    "zero": (
+        "Zero of the joint",
+        "the joint stands elsewhere than its encoder says",
+        "reference the axis anew; look for a slipped coupling or output",
+    ),
+    "encoder_step": (
+        "Step between motor and load",
+        "motor and load moved against each other and stayed so",
+        "look for a belt that jumped a tooth, a slipped coupling or a lost reference",
+    ),
+    "encoder_scale": (
+        "Scale of the second encoder",
+        "motor and load encoder disagree in proportion to the travel",
+        "check screw and scale for warmth, and the compensation tables",
+    ),
+    "command_late": ("Command recorded late", "", "record command and position by one clock"),
+    "clock_scale": ("Clock at another rate", "", "record the time stamps of the controller"),
+    "effort_of_another_run": ("Effort of another run", "", "record the effort with the same trigger"),
+    "effort_frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
+}
+"""Cause that is no effect of a machine file -> title, what it is, and what to do."""

@@ -65,11 +65,11 @@ def judge(
         if _odd(row["u"], rules) and axis not in unexplained
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
-    maybe = [f"Possible, not sure: {'; '.join(_said(e) for e in possible)}"] if possible else []
+    maybe = [f"Possible, not sure: {'; '.join(said(e) for e in possible)}"] if possible else []
     gone = [f"{axis} {words}" for axis, words in controllers.items()]
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
     first = _sentence(c, verdict, effects, still or judged, patterns)
-    sentence = ". ".join([*first, *gone, *maybe, *runs, *_unjudged(c, told)])
+    sentence = ". ".join([*first, *gone, *maybe, *runs, *unjudged(c, told)])
     remains = {**controllers, **patterns, **c.gate.nameless, **c.gate.silent}
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
@@ -117,7 +117,7 @@ def _note(axis: str, g: Gap) -> str:
     )
 
 
-def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
+def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
     """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     silent = {**c.gate.silent, **c.gate.unknown}
     out = [
@@ -153,7 +153,7 @@ def _sentence(
         if c.change:
             return ["No change found: the residual is no larger than on the twin's own data"]
         return ["No missing effect found in these logs"]
-    parts = [_said(e) for e in effects]
+    parts = [said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
@@ -178,7 +178,7 @@ def _largest(axis: str, g: Gap, follows: str | None) -> str:
     return f"no known effect explains the residual of {axis} ({g.nrmse:.1%} of its effort){what}"
 
 
-def _said(e: Found) -> str:
+def said(e: Found) -> str:
     """Return an effect with size and share: ``Y viscous friction, b 51 -> 297 N·s/m (explains ...)``."""
     what = ", ".join(x for x in (f"{e.axis or ''} {effect_words(e.effect)}".strip(), first_text(e)) if x)
     shrink = next(iter(e.shrink.values()), None)

@@ -20,6 +20,7 @@ from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.days.reference import knows_days
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
@@ -142,7 +143,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         own = sample(motion, own_residual(twin), block)
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
-    if len(logs) > 1:
+    if len(logs) > 1 and not (change and knows_days(twin)):
         differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)

@@ -7,7 +7,7 @@ twin has no closed loop, or the simulation cannot carry a cause, nothing is said
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -46,6 +46,17 @@ class Tracked:
 
 def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()) -> Tracked:
     """Return the gap of the tracking error of every axis, and how far the causes shrink it."""
+
+    def later() -> tuple[Twin | None, set[str]]:
+        with_them, held = with_causes(c.twin, causes)
+        turned, axes = with_gains(c.twin if with_them is None else with_them, changed)
+        return (turned, held | axes) if axes else (with_them, held)
+
+    return tracked(c, later)
+
+
+def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) -> Tracked:
+    """Return the same; ``changed`` gives the twin with the causes, and the axes all of whose causes it holds."""
     if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return Tracked()
     if not any(c.gate.asks("tracking", name) for name in c.machine.axes):
@@ -56,10 +67,7 @@ def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange
         own = _own_errors(c)
     except PinotwinError:
         return Tracked()
-    later, held = with_causes(c.twin, causes)
-    turned, turned_axes = with_gains(c.twin if later is None else later, changed)
-    if turned_axes:
-        later, held = turned, held | turned_axes
+    later, held = changed()
     try:
         after = before if later is None else [_difference(later, one.log, one.motion) for one in logs]
     except PinotwinError:

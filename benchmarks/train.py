@@ -1,0 +1,313 @@
+"""Train the decision of the diagnosis on evidence rows of machines whose changes are known, whole machines left out.
+
+    python -m benchmarks.train ROWS.jsonl [...] [--out WEIGHTS.json]
+
+A line of ROWS is a question: machine, case, kind, open, noise, logs, rows (each with ``right``), and the rows beside the
+best right cause (``second``). Printed is what is said on machines that the weights have not seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel
+from pinotwin.diagnosis.days.judge import family
+from pinotwin.diagnosis.days.rows import Row
+
+RATES = (0.02, 0.05, 0.10)
+RIDGE, OUTSIDE, FEW = 2.0, 0.3, 3.0
+
+
+class Asked:
+    """A question as the logit reads it: its case, and which of its alternatives are right."""
+
+    def __init__(
+        self,
+        line: Mapping[str, Any],
+        rows: Sequence[Mapping[str, Any]],
+        *,
+        first: bool,
+        outside: bool = False,
+    ):
+        self.line = line
+        every = [(_row(x), bool(x["right"])) for x in rows]
+        good = [r for r, right in every if right]
+        if outside:
+            every = [
+                (r, False) for r, _ in every if r.group == "describe" or not any(_kin(r, g) for g in good)
+            ]
+        opened = line["open"] if first else line["second"][0]["open"]
+        self.case = Case.of([r for r, _ in every], opened, line["noise"], line["logs"], first=first)
+        right = {id(r) for r, yes in every if yes}
+        self.right = [k + 2 for k, r in enumerate(self.case.causes) if id(r) in right]
+        best = max((self.case.causes[k - 2].score for k in self.right), default=-99.0)
+        self.right = [k for k in self.right if self.case.causes[k - 2].score > 0.5 * best]
+        if healthy(line) and first:
+            self.right = [0]
+        elif outside or (not self.right and first and line["kind"] == "command_jitter"):
+            self.right = [1]
+        elif not self.right:
+            self.right = [0, 1] if first else [0]
+        elif best < FEW:
+            self.right = [*self.right, 0, 1]
+
+
+def healthy(line: Mapping[str, Any]) -> bool:
+    """Whether nothing has changed in a question."""
+    return str(line["kind"]).startswith(("none", "healthy"))
+
+
+def _row(x: Mapping[str, Any]) -> Row:
+    known = {f.name for f in fields(Row)}
+    return Row(**{k: v for k, v in x.items() if k in known})
+
+
+def _kin(a: Row, b: Row) -> bool:
+    near = ({"friction", "onset", "cross"}, {"time", "place"}, {"offset", "scale"})
+    alike = a.group == b.group or any({a.group, b.group} <= x for x in near)
+    return (a.axis == b.axis and alike) or a.group == b.group == "body"
+
+
+def asked(lines: Sequence[Mapping[str, Any]]) -> tuple[list[Asked], list[float]]:
+    """Return the questions of some lines with their weights: first and second round, and causes taken away."""
+    out, weights = [], []
+    for line in lines:
+        out.append(Asked(line, line["rows"], first=True))
+        weights.append(1.0)
+        for second in line["second"]:
+            out.append(Asked(line, second["rows"], first=False))
+            weights.append(0.5)
+        best = max((x["score"] for x in line["rows"] if x["right"]), default=0.0)
+        if best > 12.0 and not line["kind"].startswith("spoil_") and "+" not in line["kind"]:
+            out.append(Asked(line, line["rows"], first=True, outside=True))
+            weights.append(OUTSIDE)
+    return out, weights
+
+
+def null_scores(lines: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return group or channel -> score that 95 % of healthy questions stay below [nats]."""
+    best: dict[str, list[float]] = {}
+    cases = [Asked(x, x["rows"], first=True).case for x in lines if healthy(x)]
+    for case in cases:
+        top: dict[str, float] = {}
+        for r in (*case.causes, *case.described):
+            top[channel(r)] = max(top.get(channel(r), 0.0), r.score)
+        for key, x in top.items():
+            best.setdefault(key, []).append(x)
+    return {k: float(np.quantile([*x, *[0.0] * (len(cases) - len(x))], 0.95)) for k, x in best.items()}
+
+
+def fitted(questions: Sequence[Asked], weights: Sequence[float], null: Mapping[str, float]) -> Decision:
+    """Return the conditional logit; weights with a known sign are held to it, a ridge draws the rest to none."""
+    each = [q.case.features(null) for q in questions]
+    X, n = np.concatenate(each), np.array([len(x) for x in each])
+    start, seg = np.r_[0, np.cumsum(n)[:-1]], np.repeat(np.arange(len(n)), n)
+    right = np.zeros(len(X))
+    for a, q in zip(start, questions, strict=True):
+        right[a + np.array(q.right)] = 1.0
+    f, g = len(FEATURES), len(GROUP_NAMES)
+    cause = X[:, f : f + g].any(axis=1)
+    mean, scale = np.zeros(X.shape[1]), np.ones(X.shape[1])
+    mean[:f], scale[:f] = X[cause][:, :f].mean(axis=0), X[cause][:, :f].std(axis=0) + 1e-6
+    Z, w = (X - mean * cause[:, None]) / scale, np.asarray(weights)
+    free = np.r_[np.ones(f), np.full(g, 0.3), 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+
+    def loss(t: Floats) -> tuple[float, Floats]:
+        v = Z @ t
+        e = np.exp(v - np.maximum.reduceat(v, start)[seg])
+        P = e / np.add.reduceat(e, start)[seg]
+        held = np.maximum(np.add.reduceat(P * right, start), 1e-12)
+        d = (P - P * right / held[seg]) * w[seg]
+        return float(-w @ np.log(held) + RIDGE * (free * t) @ t / 2.0), Z.T @ d + RIDGE * free * t
+
+    signs = [(0.0, None) if s > 0 else (None, 0.0) if s < 0 else (None, None) for s in FEATURES.values()]
+    open_bounds = [
+        (None, None),
+        (None, 0.0),
+        (None, None),
+        (0.0, None),
+        (0.0, None),
+        (0.0, None),
+        (None, None),
+        (None, None),
+    ]
+    bounds = [*signs, *[(None, None)] * g, *open_bounds]
+    t = minimize(
+        loss, np.zeros(X.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 500}
+    ).x
+    return Decision(mean, scale, t, dict(null), {})
+
+
+def trained_on(lines: Sequence[Mapping[str, Any]]) -> Decision:
+    """Return the decision of some lines, without its limits."""
+    return fitted(*asked(lines), null_scores(lines))
+
+
+def limits(lines: Sequence[Mapping[str, Any]], folds: int = 4) -> dict[float, float]:
+    """Return rate -> P(nothing) that so many healthy questions of machines left out stay below (Vovk 2005)."""
+    machines, seen = sorted({x["machine"] for x in lines}), []
+    for k in range(min(folds, len(machines))):
+        out = set(machines[k::folds])
+        d = trained_on([x for x in lines if x["machine"] not in out])
+        seen += [
+            float(d.probabilities(Asked(x, x["rows"], first=True).case)[0])
+            for x in lines
+            if x["machine"] in out and healthy(x)
+        ]
+    seen.sort()
+    return {a: seen[max(int(a * (len(seen) + 1)), 1) - 1] for a in RATES}
+
+
+def left_out(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return what is said of every question by weights that have not seen its machine."""
+    out = []
+    for machine in sorted({x["machine"] for x in lines}):
+        rest = [x for x in lines if x["machine"] != machine]
+        d, at = trained_on(rest), limits(rest)
+        for line in (x for x in lines if x["machine"] == machine):
+            out.append(_said(d, at, line))
+    return out
+
+
+def _said(d: Decision, at: Mapping[float, float], line: Mapping[str, Any]) -> dict[str, Any]:
+    q = Asked(line, line["rows"], first=True)
+    P = d.probabilities(q.case)
+    best = 1 + int(np.argmax(P[1:]))
+    row = None if best == 1 else q.case.causes[best - 2]
+    extra = None
+    for second in line["second"] if row is not None else ():
+        if second["beside"][1] == row.axis and family(second["beside"][0]) == family(row.name):
+            q2 = Asked(line, second["rows"], first=False)
+            P2 = d.probabilities(q2.case)
+            k = 1 + int(np.argmax(P2[1:]))
+            if k > 1 and k not in q2.right:
+                extra = (float(P2[0]), q2.case.causes[k - 2].name, q2.case.causes[k - 2].axis)
+    return {
+        "line": line,
+        "nothing": float(P[0]),
+        "limits": at,
+        "name": "unknown" if row is None else row.name,
+        "axis": "" if row is None else row.axis,
+        "score": 0.0 if row is None else row.score,
+        "sure": float(P[best] / max(1.0 - P[0], 1e-9)),
+        "right": best in q.right and best > 0,
+        "extra": extra,
+    }
+
+
+def outside(lines: Sequence[Mapping[str, Any]]) -> None:
+    """Print what is said where the right cause and its kin are taken away, by weights that never saw that kind."""
+    count = {"nothing": 0, "unknown": 0, "another": 0}
+    for kind in sorted({x["kind"] for x in lines}):
+        every = [
+            x
+            for x in lines
+            if x["kind"] == kind and not kind.startswith(("spoil_", "none")) and "+" not in kind
+        ]
+        every = [x for x in every if max((r["score"] for r in x["rows"] if r["right"]), default=0.0) > 12.0]
+        if not every:
+            continue
+        rest = [x for x in lines if x["kind"] != kind]
+        d, at = trained_on(rest), limits(rest)[RATES[0]]
+        for line in every:
+            P = d.probabilities(Asked(line, line["rows"], first=True, outside=True).case)
+            best = 1 + int(np.argmax(P[1:]))
+            count["nothing" if P[0] >= at else "unknown" if best == 1 else "another"] += 1
+    print("cause taken away:", count)
+
+
+def table(said: Sequence[Mapping[str, Any]]) -> None:
+    """Print what is said, kind by kind, and at every false-alarm rate."""
+    rate = RATES[0]
+    speaks = [x["nothing"] < x["limits"][rate] for x in said]
+    kinds = sorted({x["line"]["kind"] for x in said}, key=lambda k: (k.startswith("spoil"), k))
+    for kind in kinds:
+        rows = [(x, s) for x, s in zip(said, speaks, strict=True) if x["line"]["kind"] == kind]
+        good = sum(s and x["right"] for x, s in rows)
+        extra = sum(bool(s and x["extra"] and x["extra"][0] < x["limits"][rate]) for x, s in rows)
+        print(
+            f"{kind:24} asked {len(rows):3}  spoken {sum(s for _, s in rows):3}  right {good:3}  extra {extra:3}"
+        )
+    for rate in RATES:
+        speaks = [x["nothing"] < x["limits"][rate] for x in said]
+        well = [s for x, s in zip(said, speaks, strict=True) if healthy(x["line"])]
+        ill = [s and x["right"] for x, s in zip(said, speaks, strict=True) if not healthy(x["line"])]
+        named = [x for x, s in zip(said, speaks, strict=True) if s and x["name"] != "unknown"]
+        p, ok = np.array([x["sure"] for x in named]), np.array([x["right"] for x in named])
+        print(
+            f"false alarm {rate:.2f}: healthy spoken of {sum(well)}/{len(well)}; right {sum(ill)}/{len(ill)}; "
+            f"named {len(named)}, wrong {int((~ok).sum())}; ECE {calibration(p, ok):.3f}, AUC {discrimination(p, ok):.3f}"
+        )
+
+
+def calibration(p: Floats, right: Floats, bins: int = 8) -> float:
+    """Return the expected calibration error of probabilities."""
+    edges = np.quantile(p, np.linspace(0.0, 1.0, bins + 1))
+    at = np.clip(np.searchsorted(edges, p, "right") - 1, 0, bins - 1)
+    return float(
+        sum(abs(p[at == b].mean() - right[at == b].mean()) * np.mean(at == b) for b in set(at.tolist()))
+    )
+
+
+def discrimination(p: Floats, right: Floats) -> float:
+    """Return the chance that a right name is surer than a wrong one."""
+    a, b = p[right], p[~right]
+    return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b))) if len(a) and len(b) else float("nan")
+
+
+def main() -> None:
+    """Train, print the table, write the weights."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("rows", nargs="+", type=Path)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--wrong", action="store_true", help="print what goes wrong")
+    options = parser.parse_args()
+    lines = [json.loads(x) for path in options.rows for x in path.read_text(encoding="utf-8").splitlines()]
+    said = left_out(lines)
+    table(said)
+    outside(lines)
+    for x in said if options.wrong else ():
+        speaks = x["nothing"] < x["limits"][RATES[0]]
+        if (
+            speaks == healthy(x["line"])
+            or not (x["right"] or healthy(x["line"]))
+            or (x["extra"] and x["extra"][0] < x["limits"][RATES[0]])
+        ):
+            print(
+                x["line"]["machine"],
+                x["line"]["case"],
+                f"none {x['nothing']:.3f} < {x['limits'][RATES[0]]:.3f}",
+                x["name"],
+                x["axis"],
+                round(x["score"]),
+                f"{x['sure']:.2f}",
+                x["extra"],
+                [(r["name"], r["axis"], round(r["score"]), r["right"]) for r in x["line"]["rows"][:5]],
+            )
+    if options.out:
+        d = trained_on(lines)
+        data = {
+            "mean": d.mean.tolist(),
+            "scale": d.scale.tolist(),
+            "weights": d.weights.tolist(),
+            "null": dict(d.null),
+            "limits": {str(k): x for k, x in limits(lines).items()},
+            "machines": sorted({x["machine"] for x in lines}),
+            "questions": len(lines),
+        }
+        options.out.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

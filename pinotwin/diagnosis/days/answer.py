@@ -1,0 +1,374 @@
+"""From what was judged to the answer of the contract: gaps, named causes with their numbers, verdict, sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.conclusion.advice import advise, resting
+from pinotwin.diagnosis.conclusion.explained import Closed
+from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
+from pinotwin.diagnosis.conclusion.provenance import provenance
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
+from pinotwin.diagnosis.conclusion.verdict import said, unjudged
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.samples import judged_rows
+from pinotwin.diagnosis.days.causes import Place, axis_of, described, effect_of, follows, regions, sizes
+from pinotwin.diagnosis.days.changed import changed
+from pinotwin.diagnosis.days.decision import trained
+from pinotwin.diagnosis.days.judge import Judged, Named, judge
+from pinotwin.diagnosis.days.reference import Reference, knows_days, reference
+from pinotwin.diagnosis.days.rows import ALL, Question, Row
+from pinotwin.diagnosis.days.stretch import Stretch, stretches
+from pinotwin.diagnosis.phrases import effect_words
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
+from pinotwin.diagnosis.signals.tracking import Tracked, tracked
+from pinotwin.dynamics.parameters import BODY_NAMES
+from pinotwin.effects.scene import with_model_effort
+from pinotwin.logs.prepared import Prepared
+from pinotwin.motion import Motion
+from pinotwin.signals import joined, rms
+
+PROOFS = ("rows_lost", "rows_held", "interpolated", "frozen", "effort_of_another_run")
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows on which gaps are stated: the logs in question, or those of validation.
+
+    Attributes:
+        motion: all logs joined. left: measured effort less the twin's, (n, nv). starts: first row of every log.
+        stretches: of these logs.
+    """
+
+    motion: Motion
+    left: Floats
+    starts: Sequence[int]
+    stretches: Sequence[Stretch]
+
+    @classmethod
+    def of(cls, r: Reference, logs: Sequence[Prepared]) -> _Rows:
+        """Return the rows of some logs."""
+        motions = [with_model_effort(x.motion, r.twin.effects, r.twin.theta) for x in logs]
+        lefts = [m.u - r.twin.effort(m) for m in motions]
+        found = [
+            s
+            for k, (m, x) in enumerate(zip(motions, lefts, strict=True))
+            for s in stretches(r.twin, m, x, k, r.axes, r.top)
+        ]
+        starts = [0, *accumulate(len(m) for m in motions)]
+        return cls(Motion.join(motions), np.concatenate(lefts), starts, found)
+
+    def course(self, row: Row, axis: str, *, unseen: bool = False) -> Floats:
+        """Return what a cause adds to the effort of an axis on every row, shape (n,) [N or N·m]."""
+        out = np.zeros(len(self.motion))
+        acts = row.unseen if unseen else row.acts
+        for s, x in zip(self.stretches, (acts or {}).get(axis, ()), strict=False):
+            if "plant" in x:
+                y = np.asarray(x["plant"]).reshape(len(s.t), -1) @ row.numbers
+                at = self.starts[s.log] + s.start + np.arange(len(s.motion))
+                out[at] = np.interp(s.motion.t - s.motion.t[0], s.t, y)
+        return out
+
+
+class Answer:
+    """The answer to one question."""
+
+    def __init__(self, c: Comparison, r: Reference, judged: Judged, new: _Rows, valid: _Rows | None) -> None:
+        self.c, self.r, self.judged, self.new, self.valid = c, r, judged, new, valid
+        self.recorded = [x for x in judged.named if x.row.group == "recording"]
+        self.named = [x for x in judged.named if x.row.group != "recording"]
+        self.closed = {k: self._closed(k) for k in r.axes}
+        together = {}
+        for name, each in self.closed.items():
+            if each:
+                together[c.machine.names.index(name)] = _sum([x for _, x in each])
+        self.together = together
+        self.noise, self.kind = noise_levels(c)
+        self.gaps = gap_table(c, together, self.noise)
+
+    def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
+        """Return what each cause closes of the effort of an axis beside those before it."""
+        acting = [x for x in self.named if axis in x.row.acts and "plant" in x.row.acts[axis][0]]
+        told = self.valid is not None and all(x.row.unseen is not None for x in acting)
+        rows = self.valid if told and self.valid is not None else self.new
+        j = self.c.machine.names.index(axis)
+        at = judged_rows(rows.motion, j)
+        left, out = rows.left[at, j], []
+        second = np.floor(rows.motion.t[at]).astype(int) + 100_000 * np.searchsorted(
+            rows.starts, np.flatnonzero(at), "right"
+        )
+        _, block = np.unique(second, return_inverse=True)
+        whole = np.bincount(block, left**2)
+        for x in acting:
+            less = left - rows.course(x.row, axis, unseen=told)[at]
+            gained = np.bincount(block, left**2 - less**2)
+            share = float(gained.sum() / max(float(whole.sum()), 1e-300))
+            out.append((x, Closed(whole, gained, share, "validation" if told else "fitted logs")))
+            left = less
+        return out
+
+    def found(self) -> list[Found]:
+        """Return the named causes in the form of the contract."""
+        return [self._found(x) for x in self.named]
+
+    def _found(self, x: Named) -> Found:
+        axis, row = axis_of(x.row, self.r), x.row
+        at = Place(self.r, axis, self.new.stretches)
+        acts = {
+            name: closed.shrink(self.gaps[name]["u"].rms, name)
+            for name, each in self.closed.items()
+            for who, closed in each
+            if who is x and name in self.gaps and (name == axis or closed.share > 0.0)
+        }
+        shrink: dict[str, Shrink] = {"u": acts[axis]} if axis in acts else {}
+        if row.group == "law" or row.name == "limit":
+            shrink["law"] = self._law(row, axis)
+        if (axis, "encoders") in self.between and "encoders" in row.acts.get(axis, [{}])[0]:
+            shrink["ql"] = self.between[axis, "encoders"][1][id(x)]
+        told = sizes(row, at)
+        theta = {s.name.partition(".")[2] or s.name: s.after for s in told}
+        if row.name == "payload":
+            theta = dict.fromkeys(BODY_NAMES, 0.0) | dict(
+                zip(BODY_NAMES[:4], map(float, row.numbers[:4]), strict=True)
+            )
+            theta |= dict.fromkeys(("Ixx", "Iyy", "Izz"), float(row.numbers[4]))
+        shape = {"limit": row.theta} if row.name == "limit" else {}
+        rivals = [self._rival(y, p, shrink) for y, p in x.rivals if p > 0.005]
+        return Found(
+            effect=effect_of(row),
+            axis=axis,
+            confidence=x.probability,
+            shape=shape,
+            theta=theta,
+            shrink=shrink,
+            alternatives=rivals,
+            gain=row.score,
+            size=told,
+            acts=acts,
+        )
+
+    def _rival(self, row: Row, p: float, shrink: Mapping[str, Shrink]) -> dict[str, Any]:
+        del shrink
+        axis = axis_of(row, self.r)
+        return {
+            "effect": effect_of(row),
+            "axis": axis,
+            "probability": p,
+            "share": float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0)),
+            "why": f"its score is {row.score:.0f}, in natural logarithms of likelihood",
+        }
+
+    def _law(self, row: Row, axis: str) -> Shrink:
+        """Return how far the residual of the controller's law shrinks."""
+        parts = [self.r.residuals(s, [axis])[axis, "law"] for s in self.new.stretches]
+        before = rms(np.concatenate(parts))
+        share = float(np.clip(row.closed.get("law", 0.0), 0.0, 1.0))
+        return shrunk(before, share, (max(2.0 * share - 1.0, 0.0), 1.0), share, "held-out blocks", None)
+
+    @cached_property
+    def between(self) -> dict[tuple[str, str], tuple[Gap, dict[int, Shrink]]]:
+        """Return axis, "encoders" -> gap of motor against load, and what each cause closes of it."""
+        out = {}
+        for name in self.r.axes:
+            if (name, "encoders") not in self.r.whitenings:
+                continue
+            left = [self.r.residuals(s, [name])[name, "encoders"] for s in self.new.stretches]
+            size = rms(
+                np.concatenate(
+                    [s.axes[name]["gap"] - np.mean(s.axes[name]["gap"]) for s in self.new.stretches]
+                )
+            )
+            usual = rms(np.concatenate([self.r.residuals(s, [name])[name, "encoders"] for s in self.r.logs]))
+            level, shrinks = rms(np.concatenate(left)), {}
+            now = level
+            for x in self.named:
+                acts = x.row.acts.get(name, [])
+                if not acts or "encoders" not in acts[0]:
+                    continue
+                left = [
+                    y - np.asarray(a["encoders"]).reshape(len(y), -1) @ x.row.numbers
+                    for y, a in zip(left, acts, strict=True)
+                ]
+                after = rms(np.concatenate([y - np.median(y) for y in left]))
+                share = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
+                shrinks[id(x)] = shrunk(level, share, (share, share), share, "fitted logs", None)
+                now = min(now, after)
+            gone = sum(s.share for s in shrinks.values())
+            after = level * float(np.sqrt(max(1.0 - gone, 0.0)))
+            out[name, "encoders"] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shrinks
+        return out
+
+    def traces(self) -> list[Traces]:
+        """Return arrays for plots: the residual before and after the causes, by axis and log."""
+        out = []
+        for name in self.r.axes:
+            j = self.c.machine.names.index(name)
+            after = self.new.left[:, j] - sum((self.new.course(x.row, name) for x in self.named), np.zeros(1))
+            at = judged_rows(self.new.motion, j)
+            for k, part in enumerate(joined(self.new.motion.t[at])):
+                log = self.c.kept[k] if k < len(self.c.kept) else k
+                out.append(
+                    Traces(
+                        name, log, self.new.motion.t[at][part], self.new.left[at, j][part], after[at][part]
+                    )
+                )
+        return out
+
+    def remains(self) -> dict[str, str]:
+        """Return axis -> what a cause or what is left follows, in words."""
+        out = {}
+        for x in self.named:
+            words = follows(x.row)
+            if words:
+                out[axis_of(x.row, self.r)] = words
+        row = self.judged.described
+        if row is not None:
+            out[row.axis] = described(row)
+        for x in self.recorded:
+            out[axis_of(x.row, self.r)] = f"the recording: {effect_words(x.row.name)}"
+        return out
+
+    def recording(self) -> list[dict[str, Any]]:
+        """Return the faults of the recording that the equations tell."""
+        return [
+            {
+                "fault": x.row.name,
+                "axis": None if x.row.axis == ALL else x.row.axis,
+                "number": _finite(x.row.theta),
+            }
+            for x in self.recorded
+        ]
+
+    def tracked(self) -> Tracked:
+        """Return the gap of the tracking error, simulated from the command before and after the causes."""
+        rows = [(x.row, axis_of(x.row, self.r)) for x in self.named]
+        return tracked(self.c, lambda: changed(self.c.twin, rows) if rows else (None, set()))
+
+    def open(self) -> dict[str, dict[str, float]]:
+        """Return axis -> signal -> share that stays, of what no cause explains though something has changed."""
+        signals = {"plant": "u", "law": "e", "encoders": "ql"}
+        out: dict[str, dict[str, float]] = {}
+        if self.judged.unknown:
+            row, worst = self.judged.described, max(self.judged.open, key=lambda k: self.judged.open[k])
+            axis, equation = (row.axis, "plant") if row is not None and worst[1] == "plant" else worst
+            out[axis] = {signals[equation]: 1.0}
+        for x in self.recorded:
+            out.setdefault(axis_of(x.row, self.r), {})["u"] = 1.0
+        return out
+
+    def sentence(self, effects: Sequence[Found]) -> list[str]:
+        """Return what a person reads first."""
+        if self.recorded:
+            names = [_recorded(x.row) for x in self.recorded]
+            return [f"The recording is at fault: {'; '.join(names)}. Mend it and diagnose again"]
+        if effects:
+            return [f"Has changed: {'; '.join(said(e) for e in effects)}"]
+        if self.judged.unknown:
+            row = self.judged.described
+            words = "" if row is None else f": {row.axis} {described(row)}"
+            return [f"Something has changed that no known cause explains{words}"]
+        return ["No change found: the residual is no larger than on the twin's own data"]
+
+
+def _recorded(row: Row) -> str:
+    where = "" if row.axis == ALL else f"{row.axis}: "
+    number = {"command_late": f" by {1e3 * row.theta:g} ms", "clock_scale": f" by a factor of {row.theta:g}"}
+    return f"{where}{effect_words(row.name)}{number.get(row.name, '')}"
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _sum(parts: Sequence[Closed]) -> Closed:
+    total = parts[0]
+    for x in parts[1:]:
+        total = total.beside(x)
+    return total
+
+
+def days_of(c: Comparison, false_alarm: float) -> tuple[Reference, _Rows, _Rows | None, Judged] | None:
+    """Return what is judged of a twin of several days; None of one whose days nobody has seen."""
+    if not c.change or not knows_days(c.twin):
+        return None
+    names = [c.machine.names[j] for j in c.new.joints]
+    r = reference(c.twin, names)
+    if r is None:
+        return None
+    new, valid = _Rows.of(r, c.logs), _Rows.of(r, c.validation) if c.validation else None
+    if not new.stretches or (r.laws and not all("e" in s.axes[k] for s in new.stretches for k in r.laws)):
+        return None
+    unseen = [] if valid is None else valid.stretches
+    q = Question.of(r, new.stretches, unseen)
+    decision = trained()
+    return r, new, valid if unseen else None, judge(q, decision, decision.limit(false_alarm))
+
+
+def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> Diagnosis | None:
+    """Return the diagnosis of what has changed since a twin of several days; None where the days are not known.
+
+    Args:
+        c: twin and logs, compared.
+        seed: of everything random, for the record. quick: likewise.
+        false_alarm: share of healthy logs of which something may be said.
+    """
+    found = days_of(c, false_alarm)
+    if found is None:
+        return None
+    r, new, valid, judged = found
+    a = Answer(c, r, judged, new, valid)
+    effects = sorted(a.found(), key=lambda e: -max([x.share for x in e.shrink.values()], default=0.0))
+    track = a.tracked()
+    gap = {
+        axis: {**row, **({"e": track.gaps[axis]} if axis in track.gaps else {})}
+        for axis, row in a.gaps.items()
+    }
+    for (axis, _), (between, _) in a.between.items():
+        gap.setdefault(axis, {})["ql"] = between
+    effects = [
+        replace(e, shrink={**e.shrink, "e": track.shrinks[str(e.axis)]}) if e.axis in track.shrinks else e
+        for e in effects
+    ]
+    opened = a.open()
+    word: Verdict = (
+        ("partly_explained" if opened else "explained") if effects else "unexplained" if opened else "none"
+    )
+    advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
+    where = [x for n in a.named for x in regions(n.row, Place(r, axis_of(n.row, r), new.stretches))]
+    told = {str(e.axis) for e in effects}
+    return with_open_signals(
+        Diagnosis(
+            verdict=word,
+            sentence=". ".join([*a.sentence(effects), *unjudged(c, told)]),
+            gap=gap,
+            where=where,
+            effects=effects,
+            confusable=[],
+            unexplained=opened,
+            remains=a.remains(),
+            noise=a.kind,
+            advice=[*advice, *resting(c.machine, {*gap, *c.gate.unknown})],
+            warnings=c.gate.warnings,
+            situation="change",
+            shrink={
+                n: {"u": a.together[c.machine.names.index(n)].shrink(a.gaps[n]["u"].rms, n)}
+                for n, x in a.closed.items()
+                if x
+            },
+            quick=quick,
+            traces=a.traces(),
+            machine=c.machine.name,
+            subject=c.twin,
+            recording=a.recording(),
+            provenance=provenance(
+                c.twin, c.logs, c.validation, seed=seed, quick=quick, false_alarm=false_alarm
+            ),
+        )
+    )

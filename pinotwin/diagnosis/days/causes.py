@@ -1,0 +1,258 @@
+"""A row of evidence in the words and units of the contract: name of the effect, its numbers, where it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.rows import ALL, Row
+from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.result import Region, Size
+from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
+
+EFFECT = {
+    "friction_since": "coulomb",
+    "friction_at_start": "coulomb",
+    "cross_friction": "coulomb",
+    "drift": "offset",
+    "zero_since": "zero",
+    "inertia": "payload",
+    "compliance": "drive_flexibility",
+    "proportional_gain": "loop_gain",
+    "lost_motion": "backlash",
+    "lost_motion_by_load": "backlash",
+    "lost_motion_by_inertia": "backlash",
+    "lost_motion_either_side": "backlash",
+    "push": "external_force",
+    "cut": "external_force",
+    "snag": "external_force",
+    "tooth": "position_table",
+    "torque_constant": "effort_scale",
+    "torque_fades": "effort_scale",
+    "effort_late": "delay",
+    "encoder_grows": "encoder_scale",
+    "limit": "saturation",
+}
+"""Row -> effect of the contract; others keep their name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What a row is read beside: healthy days, its axis, the stretches in question."""
+
+    reference: Reference
+    axis: str
+    logs: Sequence[Stretch]
+
+    @property
+    def force(self) -> str:
+        """Unit of the effort."""
+        return "N·m" if self._rotary else "N"
+
+    @property
+    def length(self) -> str:
+        """Unit of the position."""
+        return "rad" if self._rotary else "m"
+
+    @property
+    def effort(self) -> float:
+        """RMS of the effort on healthy days [N or N·m]."""
+        return float(self.reference.widths[self.axis]["effort"])
+
+    @property
+    def _rotary(self) -> bool:
+        machine = self.reference.twin.machine
+        return bool(machine.rotary[machine.names.index(self.axis)])
+
+    def known(self, effect: str) -> float:
+        """Return the first number that the twin has of an effect on the axis; 0 of one that it has not."""
+        twin = self.reference.twin
+        for e, where in zip(twin.effects, twin.slices, strict=True):
+            if (e.name, e.axis) == (effect, self.axis):
+                return float(twin.theta[where][0])
+        return 0.0
+
+
+def effect_of(row: Row) -> str:
+    """Return the effect of the contract that a row names."""
+    return EFFECT.get(row.name, row.name)
+
+
+def axis_of(row: Row, r: Reference) -> str:
+    """Return the axis of a row; of a body that of the last link."""
+    return r.axes[-1] if row.axis == ALL else row.axis
+
+
+def sizes(row: Row, at: Place) -> list[Size]:
+    """Return what changed from what to what, with 90 % intervals."""
+    if row.name == "payload":
+        return _body(row)
+    if row.group == "time" or row.name == "snag":
+        return [_largest(row, at)]
+    name, before, factor, unit = _scale(row, at)
+    change, half = row.theta * factor, 1.645 * abs(row.error * factor)
+    low, high = before + change - half, before + change + half
+    if row.name == "limit":
+        return [Size(name, np.inf, row.theta, unit, (float("nan"), float("nan")))]
+    if row.group == "recording":
+        return [Size(name, float("nan"), row.theta, unit, (float("nan"), float("nan")))]
+    return [Size(name, before, before + change, unit, (min(low, high), max(low, high)))]
+
+
+def _scale(row: Row, at: Place) -> tuple[str, float, float, str]:
+    """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
+    dry, viscous = at.known("coulomb"), at.known("viscous")
+    law = at.reference.laws.get(at.axis)
+    kp = 0.0 if law is None else law.kp
+    stiff = at.reference.twists.get(at.axis, np.ones(1))[0]
+    per = f"{at.force}·s/{at.length}"
+    table: dict[str, Callable[[], tuple[str, float, float, str]]] = {
+        "coulomb": lambda: ("coulomb.c", dry, dry, at.force),
+        "friction_since": lambda: ("coulomb.c", dry, dry, at.force),
+        "friction_at_start": lambda: ("coulomb.after_starts", 0.0, at.effort, at.force),
+        "cross_friction": lambda: ("coulomb.along_stroke", 0.0, at.effort, at.force),
+        "viscous": lambda: ("viscous.b", viscous, viscous, per),
+        "offset": lambda: ("offset.f0", at.known("offset"), at.effort, at.force),
+        "drift": lambda: ("offset.drift", 0.0, at.effort, at.force),
+        "inertia": lambda: ("payload.inertia", 0.0, at.effort / _spread(at, "a"), _inertia(at)),
+        "drive_flexibility": lambda: ("drive_flexibility.effort", 0.0, at.effort, at.force),
+        "compliance": lambda: ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
+        "effort_scale": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
+        "torque_constant": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
+        "torque_fades": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
+        "effort_late": lambda: ("delay.seconds", 0.0, 1e-3, "s"),
+        "position_gain": lambda: ("position_gain.kp", kp, kp, "1/s"),
+        "zero": lambda: ("zero.shift", 0.0, 1.0, at.length),
+        "zero_since": lambda: ("zero.shift", 0.0, 1.0, at.length),
+        "encoder_step": lambda: ("encoder_step.step", 0.0, 1e-4, at.length),
+        "encoder_scale": lambda: ("encoder_scale.error", 0.0, 1e-4, "-"),
+        "encoder_grows": lambda: ("encoder_scale.error", 0.0, 1e-4, "-"),
+        "tooth": lambda: ("position_table.peak", 0.0, at.effort, at.force),
+        "limit": lambda: ("saturation.limit", np.inf, 1.0, at.force),
+        "command_late": lambda: ("command_late.seconds", 0.0, 1.0, "s"),
+        "clock_scale": lambda: ("clock_scale.factor", 1.0, 1.0, "-"),
+    }
+    if row.group == "play":
+        return "backlash.gap", 0.0, 1e-4, at.length
+    found = table.get(row.name)
+    plain = found is None or (row.name == "position_gain" and not kp)
+    return (f"{effect_of(row)}.factor", 1.0, 1.0, "-") if plain or found is None else found()
+
+
+def _spread(at: Place, channel: str) -> float:
+    return float(np.mean([np.std(s.axes[at.axis][channel]) for s in at.logs]))
+
+
+def _inertia(at: Place) -> str:
+    return "kg·m²" if at.length == "rad" else "kg"
+
+
+def _body(row: Row) -> list[Size]:
+    """Return the numbers of a body that are known to half of themselves: mass, first moments, inertia."""
+    names = [*zip(BODY_NAMES[:4], BODY_UNITS[:4], strict=True), ("I", "kg·m²")]
+    out = []
+    for (name, unit), x, error in zip(names, row.numbers, row.errors, strict=True):
+        if abs(x) > 2.0 * error:
+            half = 1.645 * error
+            out.append(Size(f"payload.{name}", 0.0, float(x), unit, (float(x - half), float(x + half))))
+    return out
+
+
+def _largest(row: Row, at: Place) -> Size:
+    """Return the largest force of what acts for a while."""
+    columns = [
+        np.asarray(x["plant"]).reshape(len(s.t), -1) for s, x in zip(at.logs, row.acts[row.axis], strict=True)
+    ]
+    peaks = np.array([max((np.abs(x[:, k]).max() for x in columns), default=0.0) for k in range(row.count)])
+    k = int(np.argmax(np.abs(row.numbers) * peaks))
+    force, half = float(row.numbers[k] * peaks[k]), 1.645 * float(row.errors[k] * peaks[k])
+    return Size("largest disturbance", 0.0, force, at.force, (force - half, force + half))
+
+
+Mask1 = list[Mask]
+"""Rows of every stretch."""
+
+
+def regions(row: Row, at: Place) -> list[Region]:
+    """Return where and when a cause acts, in the log's own time, with the share of the residual that lies there."""
+    equation, signal = {"play": ("encoders", "ql"), "encoder": ("encoders", "ql"), "law": ("law", "e")}.get(
+        row.group, ("plant", "u")
+    )
+    left = [at.reference.residuals(s, [at.axis])[at.axis, equation] for s in at.logs]
+    total = max(sum(float(x @ x) for x in left), 1e-300)
+    count = sum(len(x) for x in left)
+
+    def region(
+        kind: str, span: tuple[float, float], unit: str, rows: Mask1, other: str | None = None
+    ) -> Region:
+        power = sum(float(x[m] @ x[m]) for x, m in zip(left, rows, strict=True))
+        share = sum(int(m.sum()) for m in rows) / count
+        return Region(at.axis, signal, kind, span, unit, power / total, share, None, other)
+
+    out = []
+    for k, a, b in [*row.spans, *_begun(row, at)]:
+        rows = [(s.t >= a) & (s.t <= b) & (n == k) for n, s in enumerate(at.logs)]
+        start = float(at.logs[k].motion.t[0])
+        out.append(region("time", (start + a, start + b), "s", rows))
+    if row.place is not None:
+        span = (row.place[0] - 2.0 * row.place[1], row.place[0] + 2.0 * row.place[1])
+        out.append(region("position", span, at.length, _within(at, at.axis, "q", span)))
+    if row.name == "limit":
+        v = _speeds(row, at)
+        span = (float(v.min(initial=0.0)), float(v.max(initial=0.0)))
+        out.append(region("velocity", span, f"{at.length}/s", _within(at, at.axis, "v", span)))
+    if row.name == "cross_friction":
+        q = np.concatenate([s.axes[row.what]["q"] for s in at.logs])
+        span = (float(q.min()), float(q.max()))
+        out.append(region("other_axis", span, at.length, _within(at, row.what, "q", span), row.what))
+    return out
+
+
+def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
+    """Return stretch, begin and end of what begins within a run or grows through it."""
+    if row.name in ("drift", "torque_fades", "encoder_grows"):
+        return [(k, 0.0, float(s.t[-1])) for k, s in enumerate(at.logs)]
+    since = () if row.name == "friction_at_start" else row.since
+    return [(k, t, float(at.logs[k].t[-1])) for k, t in enumerate(since)]
+
+
+def _within(at: Place, axis: str, channel: str, span: tuple[float, float]) -> Mask1:
+    return [(s.axes[axis][channel] >= span[0]) & (s.axes[axis][channel] <= span[1]) for s in at.logs]
+
+
+def _speeds(row: Row, at: Place) -> Floats:
+    parts = [
+        at.logs[k].axes[at.axis]["v"][(at.logs[k].t >= a) & (at.logs[k].t <= b)] for k, a, b in row.spans
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def follows(row: Row) -> str:
+    """Return what a cause follows, in words; empty for what acts always."""
+    long = f"{row.since[0]:.2g} s" if row.since else ""
+    words = {
+        "friction_at_start": f"it acts for {long} after every start",
+        "friction_since": "it begins within the run",
+        "zero_since": "it begins within the run",
+        "torque_fades": "it grows through the run",
+        "drift": "it grows through the runs",
+        "encoder_grows": "it grows through the run",
+        "cross_friction": f"it is dry friction that changes with the position of {row.what}",
+        "cut": "it comes at the same instants of every run: a process force",
+        "push": "it comes at other instants in every run",
+        "snag": "it drags at one place on some passes only",
+        "tooth": "it comes at one place, whatever the direction",
+    }
+    return words.get(row.name, "")
+
+
+def described(row: Row) -> str:
+    """Return the description of what no cause explains."""
+    kind = "dry friction" if row.what.startswith("dry ") else "an effort"
+    what = row.what.removeprefix("dry ")
+    words = {"time": "time, otherwise in every run", "program": "the instants of the command"}
+    return f"follows {kind} that changes with {words.get(what, f'the {what}')}"

@@ -1,0 +1,68 @@
+"""The twin with the causes that were found in its own numbers: what simulates its tracking error afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.diagnosis.days.rows import Row
+from pinotwin.diagnosis.days.stretch import VISCOUS
+from pinotwin.diagnosis.payload import loaded_twin, physical
+from pinotwin.effects.family import FRICTION
+from pinotwin.errors import InputError
+from pinotwin.simulation import preferred
+from pinotwin.twin import Twin
+
+GAINS = {
+    "position_gain": "kp",
+    "proportional_gain": "kv",
+    "loop_gain": "all",
+    "integral": "rate",
+    "velocity_feedforward": "ffv",
+    "acceleration_feedforward": "ffa",
+}
+"""Row -> number of the controller."""
+
+
+def changed(twin: Twin, rows: Sequence[tuple[Row, str]]) -> tuple[Twin, set[str]]:
+    """Return the twin with causes (each with its axis) in its numbers, and the axes all of whose causes it holds."""
+    held, beyond = set[str](), set[str]()
+    for row, axis in rows:
+        later = _with(twin, row, axis)
+        (held if later is not None else beyond).add(axis)
+        twin = twin if later is None else later
+    return twin, held - beyond
+
+
+def _with(twin: Twin, row: Row, axis: str) -> Twin | None:
+    """Return the twin with one cause; None where its numbers cannot hold it."""
+    if row.name in GAINS:
+        return _turned(twin, axis, GAINS[row.name], 1.0 + row.theta)
+    if row.name == "payload":
+        m, x, y, z, inertia = row.numbers
+        body = np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
+        return loaded_twin(twin, axis, physical(body))
+    parts = {"friction_scale": ("dry", "viscous"), "coulomb": ("dry",), "viscous": ("viscous",)}.get(row.name)
+    if parts is None:
+        return None
+    theta, diagonal = twin.theta.copy(), {k: x.copy() for k, x in twin.diagonal.items()}
+    j = twin.machine.names.index(axis)
+    for effect, where in zip(twin.effects, twin.slices, strict=True):
+        part = "viscous" if effect.name in VISCOUS else "dry"
+        if effect.family is FRICTION and effect.axis == axis and part in parts:
+            if effect.name == "viscous" and "viscous" in diagonal:
+                diagonal["viscous"][j] += row.theta * float(theta[where][0])
+            theta[where] *= 1.0 + row.theta
+    return replace(twin, theta=theta, diagonal=diagonal)
+
+
+def _turned(twin: Twin, axis: str, name: str, factor: float) -> Twin | None:
+    servo = twin.servos.get(axis)
+    if servo is None or preferred(twin) != "coupled":
+        return None
+    try:
+        return replace(twin, servos={**twin.servos, axis: servo.scaled(**{name: factor})})
+    except InputError:
+        return None

@@ -1,0 +1,194 @@
+"""How probable each cause is: one conditional logit over nothing, something unknown, and every cause (McFadden 1974).
+
+    P(c) = exp(w x_c + b_group) / (exp(s_none) + exp(s_unknown) + sum exp(w x_c + b_group))
+
+The weights are made by ``python -m benchmarks train`` on machines with known faults; nothing in them is set by hand.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.mechanisms import GROUPS
+from pinotwin.diagnosis.days.rows import Row
+
+GROUP_NAMES = tuple(x for x in GROUPS if x != "describe")
+FEATURES: Mapping[str, int] = {
+    "score": 1,
+    "behind the best": 1,
+    "ahead of rivals": 1,
+    "over descriptions": 1,
+    "closed": 1,
+    "cells that gain": 1,
+    "cells that carry it": 1,
+    "runs agree": 1,
+    "validation": 1,
+    "over its error": 1,
+    "size": 1,
+    "healthy day": 0,
+    "numbers": -1,
+    "over healthy logs": 1,
+    "over the noise": 1,
+}
+"""What speaks for a cause, and the sign that its weight must have; 0 for either."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """The rows of one question: causes that are worth a word, and descriptions.
+
+    Attributes:
+        causes, described: rows. open: axis and equation -> misfit over a healthy one.
+        noise: axis -> noise of its effort over the effort. logs: number of stretches. first: whether nothing is found yet.
+    """
+
+    causes: Sequence[Row]
+    described: Sequence[Row]
+    open: Mapping[str, float]
+    noise: Mapping[str, float]
+    logs: int
+    first: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        rows: Sequence[Row],
+        open_: Mapping[str, float],
+        noise: Mapping[str, float],
+        logs: int,
+        *,
+        first: bool,
+    ) -> Case:
+        """Return the case of a question's rows; a few pulses within the noise of the effort are no cause."""
+
+        def stands(r: Row) -> bool:
+            few = r.group in ("time", "place") and r.spread < 8.0
+            return not few or r.worth >= 1.8 * noise.get(r.axis, 0.0)
+
+        causes = [r for r in rows if r.group != "describe" and stands(r)]
+        return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)
+
+    def features(self, null: Mapping[str, float]) -> Floats:
+        """Return a row for nothing, one for something unknown, and one for every cause."""
+        f, g = len(FEATURES), len(GROUP_NAMES)
+        X = np.zeros((len(self.causes) + 2, f + g + 8))
+        top = max([r.score for r in self.causes], default=0.0)
+        over = max([r.score - null.get(channel(r), 10.0) for r in self.described], default=0.0)
+        excess = max([r.score - null.get(r.group, 10.0) for r in self.causes], default=-20.0)
+        wide = float(np.arcsinh(np.clip(max(self.open.values()) - 1.5, 0.0, 50.0))) if self.first else 0.0
+        X[0, f + g : f + g + 2] = 1.0, wide
+        X[1, f + g + 2 :] = (
+            1.0,
+            self._stays_open(),
+            np.arcsinh(over / 5.0),
+            np.arcsinh((over - max(excess, 0.0)) / 10.0),
+            np.arcsinh(top / 5.0),
+            np.arcsinh(excess / 5.0),
+        )
+        for i, r in enumerate(self.causes):
+            X[i + 2, :f] = self._speaks(r, top, null)
+            X[i + 2, f + GROUP_NAMES.index(r.group)] = 1.0
+        return X
+
+    def _stays_open(self) -> float:
+        """Return what the best cause leaves of the equation that is least explained, 0 to 1."""
+        left = [0.0]
+        for key, x in self.open.items() if self.first else ():
+            axis, _, equation = key.rpartition(" ")
+            closed = [
+                r.closed.get(equation, 0.0) for r in self.causes if r.axis in (axis, "*") and r.score > 0.0
+            ]
+            left.append(min(x - 2.0, 1.0) * (1.0 - max([*closed, 0.0])) if x > 2.0 else 0.0)
+        return float(np.clip(max(left), 0.0, 1.0))
+
+    def _speaks(self, r: Row, top: float, null: Mapping[str, float]) -> list[float]:
+        gain = max(sum(r.by.values()), 1e-9)
+        rivals = [x.score for x in self.causes if x is not r and (x.axis, x.group) != (r.axis, r.group)]
+        words = [x.score for x in self.described if x.axis == r.axis]
+        carried = [r.closed.get(e, 0.0) for e, x in r.by.items() if e != "day" and x > 0.1 * gain]
+        searched, transform = r.group in ("time", "place"), r.group in ("recording", "limit")
+        worst, best = min(r.logs), max(*r.logs, 1e-9)
+        size = (
+            min(r.worth, abs(r.theta)) if r.group == "law" else abs(r.theta) if r.group == "play" else r.worth
+        )
+        return [
+            np.arcsinh(r.score / 5.0),
+            -np.arcsinh((top - r.score) / 5.0),
+            np.arcsinh((r.score - max([*rivals, 0.0])) / 10.0),
+            float(np.clip(np.arcsinh((r.score - max([*words, 0.0])) / 10.0), -4.0, 4.0)),
+            float(np.clip(max([*carried, 0.0]), -0.5, 1.2)),
+            r.positive,
+            np.log10(max(r.spread, 0.5)),
+            float(np.clip(worst / best, -1.0, 1.0)) if len(r.logs) > 1 else 0.5,
+            0.5
+            if transform
+            else 0.0
+            if r.valid is None
+            else float(np.clip(r.valid / max(gain, 5.0), -1.0, 1.0)),
+            np.log10(max(r.z, 0.1)),
+            float(np.clip(np.log10(max(size, 1e-3)), -2.0, 0.5)),
+            np.arcsinh(r.by.get("day", 0.0) / 10.0),
+            float(np.log(r.count)),
+            np.arcsinh((r.score - null.get(r.group, 10.0)) / 5.0),
+            float(np.clip(np.log10(max(r.worth, 1e-3) / max(self.noise.get(r.axis, 1e-3), 1e-3)), -1.0, 1.0))
+            if searched
+            else 0.0,
+        ]
+
+
+def channel(r: Row) -> str:
+    """Return whose healthy scores a row is held against: its group, or the channel of a description."""
+    word = r.what.removeprefix("dry ").split()[0] if r.what else ""
+    return r.group if r.group != "describe" else {"program": "time", "acceleration": "speed"}.get(word, word)
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The trained weights.
+
+    Attributes:
+        mean, scale: of the columns of causes. weights: of all columns.
+        null: group or channel -> score that 95 % of healthy questions stay below [nats].
+        limits: false-alarm rate -> P(nothing) below which something is said.
+    """
+
+    mean: Floats
+    scale: Floats
+    weights: Floats
+    null: Mapping[str, float]
+    limits: Mapping[float, float]
+
+    @classmethod
+    def read(cls, data: Mapping[str, Any]) -> Decision:
+        """Return the weights that ``train`` wrote."""
+        arrays = (np.array(data[k], dtype=float) for k in ("mean", "scale", "weights"))
+        limits = {float(k): float(x) for k, x in data["limits"].items()}
+        return cls(*arrays, data["null"], limits)
+
+    def probabilities(self, case: Case) -> Floats:
+        """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,)."""
+        X = case.features(self.null)
+        told = X[:, len(FEATURES) : len(FEATURES) + len(GROUP_NAMES)].any(axis=1)
+        value = ((X - self.mean * told[:, None]) / self.scale) @ self.weights
+        share = np.exp(value - value.max())
+        return np.asarray(share / share.sum())
+
+    def limit(self, false_alarm: float) -> float:
+        """Return the P(nothing) below which something is said at a false-alarm rate, between those measured."""
+        rates = sorted(self.limits)
+        return float(np.interp(false_alarm, rates, [self.limits[x] for x in rates]))
+
+
+@cache
+def trained() -> Decision:
+    """Return the decision that comes with the package."""
+    text = files("pinotwin.diagnosis.days").joinpath("weights.json").read_text(encoding="utf-8")
+    return Decision.read(json.loads(text))

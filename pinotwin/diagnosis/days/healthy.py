@@ -1,0 +1,54 @@
+"""What a healthy day does, as columns times their measured widths: equation -> (n, m)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.law import TERMS
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.stretch import Stretch
+
+Shapes = Mapping[tuple[str, str], float]
+"""Axis and equation -> size of the causes found there, as a share of the effort."""
+
+
+def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str, Floats]:
+    """Return the columns of a healthy day of one axis.
+
+    The direction of a cause that was found is known to a tenth of it: its rest is no second cause.
+    """
+    c, w = s.axes[name], r.widths[name]
+    out = {
+        "plant": np.column_stack(
+            [
+                (c["dry"] + c["viscous"]) * w["friction"],
+                c["dry"] * w["dry"],
+                c["viscous"] * w["viscous"],
+                c["viscous"] * np.exp(-s.t / 10.0) * w["warm"],
+                c["one"] * w["offset"] * w["effort"],
+                c["du"] * w["late"] * 0.5 * s.cycle,
+                c["a"] * w["inertia"],
+                c["s"] * w["snap"],
+            ]
+        )
+    }
+    if name in r.laws and "e" in c:
+        numbers = r.laws[name].numbers(c)
+        own = [numbers[k] * x for k, x in r.law_widths[name].items()]
+        drift = (s.t - s.t.mean()) * 1e-4
+        out["law"] = np.column_stack([c["one"] * 1e3 * w["effort"], drift * w["effort"], *own])
+    if name in r.twists and "gap" in c:
+        soft = r.twist(c) * 0.05 * abs(r.twists[name][0])
+        out["encoders"] = np.column_stack([c["one"], (c["q"] - c["q"].mean()) * 1e-5, soft])
+    unsure = 0.1 * found.get((name, "law"), 0.0)
+    if unsure and "law" in out:
+        terms = np.column_stack([c[k] for k in TERMS]) * r.laws[name].gains
+        out["law"] = np.column_stack([out["law"], terms * unsure])
+    unsure = 0.1 * found.get((name, "plant"), 0.0)
+    if unsure:
+        parts = np.column_stack([c["dry"], c["viscous"], c["rest"]])
+        out["plant"] = np.column_stack([out["plant"], parts * unsure])
+    return out

@@ -1,0 +1,108 @@
+"""One cause after the other: the most probable is applied to the model before the next is sought."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from pinotwin.diagnosis.days.decision import Case, Decision
+from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.rows import Asked, Question, Row
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """A cause that is named, its probability, and what else it may be."""
+
+    row: Row
+    probability: float
+    rivals: Sequence[tuple[Row, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What is said of a question.
+
+    Attributes:
+        named: causes, in the order in which they were found.
+        nothing: P(nothing has changed) of the first question.
+        unknown: whether something has changed that no cause explains, at last.
+        described: the best description of what is left, then.
+        rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
+    """
+
+    named: Sequence[Named]
+    nothing: float
+    unknown: bool
+    described: Row | None
+    rows: Sequence[Row]
+    open: Mapping[tuple[str, str], float]
+
+
+def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row]]:
+    """Return the case and all rows of a question beside the causes that were found."""
+    asked = Asked(q, found)
+    rows = asked.rows()
+    if not found:
+        rows += [*recording_rows(asked), *limit_rows(asked)]
+    told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
+    share = len(q.logs) * float(np.mean([s.t[-1] for s in q.logs]))
+    rows = [
+        replace(r, score=r.score - max(share * healthy.get((r.name, r.axis, r.what), 0.0), 0.0))
+        for r in rows
+        if (family(r.name), r.axis) not in told
+    ]
+    rows.sort(key=lambda r: -r.score)
+    opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
+    return case_of(q.reference, rows, opened, len(q.logs), first=not found), rows
+
+
+@cache
+def usual(r: Reference) -> dict[tuple[str, str, str], float]:
+    """Return row -> score that it has on the twin's own days, which nobody doubts [nats/s]."""
+    total = sum(float(s.t[-1]) for s in r.logs)
+    return {(x.name, x.axis, x.what): x.score / total for x in Asked(Question.of(r, r.logs)).rows(every=True)}
+
+
+def case_of(
+    r: Reference, rows: Sequence[Row], opened: Mapping[str, float], logs: int, *, first: bool
+) -> Case:
+    """Return rows as the decision reads them."""
+    noise = {k: float(np.mean([s.axes[k]["raw"][0] for s in r.logs])) for k in r.axes}
+    return Case.of(rows, opened, noise, logs, first=first)
+
+
+def judge(q: Question, decision: Decision, limit: float, most: int = 4) -> Judged:
+    """Return what has changed: causes are named while P(nothing) is below a limit."""
+    found: list[Named] = []
+    first: tuple[float, list[Row], Mapping[str, float]] | None = None
+    unknown, described = False, None
+    while len(found) < most:
+        case, rows = evidence(q, [x.row for x in found])
+        P = decision.probabilities(case)
+        first = first or (float(P[0]), rows, case.open)
+        if P[0] >= limit:
+            break
+        best = int(np.argmax(P[1:]))
+        if best == 0:
+            unknown, described = True, next(iter(case.described), None)
+            break
+        order = [int(k) for k in np.argsort(-P[2:])]
+        rivals = [(case.causes[k], float(P[2 + k])) for k in order if k != best - 1][:4]
+        found.append(Named(case.causes[best - 1], float(P[1 + best] / max(1.0 - P[0], 1e-9)), rivals))
+        if found[-1].row.group in ("recording", "limit"):
+            break  # the recording is mended, or the limit lifted, before anything else is said
+    assert first is not None
+    opened = {(k.rpartition(" ")[0], k.rpartition(" ")[2]): x for k, x in first[2].items()}
+    return Judged(found, first[0], unknown, described, first[1], opened)
+
+
+def family(name: str) -> str:
+    """Return what one change of a machine goes by: forms of lost motion, and what acts at places or instants."""
+    if name.startswith("lost_motion"):
+        return "lost_motion"
+    return "local" if name in ("push", "cut", "tooth", "snag") else name

@@ -1,0 +1,82 @@
+"""The controller's law along the measured signals, as a least-squares fit to healthy logs, and its physical numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.stretch import Columns
+
+TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr")
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """``u = sum of gains times terms + a constant of every log``.
+
+    Attributes:
+        gains: of :data:`TERMS`, shape (8,), SI.
+        cascade: whether the gains are those of a position loop around a velocity loop with an integral:
+            ``kp kv e + ki (e + kp int e) - kv v``.
+        kp: position gain of the cascade [1/s]. ki: its integral gain [N/m or N·m/rad]; both 0 of other laws.
+    """
+
+    gains: Floats
+    cascade: bool
+    kp: float
+    ki: float
+
+    @classmethod
+    def fitted(cls, logs: Sequence[Columns]) -> Law:
+        """Return the law of healthy logs."""
+        X = np.concatenate([np.column_stack([c[k] for k in TERMS]) for c in logs])
+        own = np.concatenate([np.full(len(c["u"]), k) for k, c in enumerate(logs)])
+        X = np.column_stack([X, own[:, None] == np.arange(len(logs))])
+        scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
+        fit = np.linalg.lstsq(X / scale, np.concatenate([c["u"] for c in logs]), rcond=1e-12)[0] / scale
+        gains = fit[: len(TERMS)]
+        return cls(gains, *_cascade(gains))
+
+    @property
+    def stable(self) -> bool:
+        """Whether damping, stiffness and integral have the signs of a controller: a copy of the plant has not."""
+        return bool(self.gains[2] < 0.0 < self.gains[0] and self.gains[1] > -0.1 * self.gains[0])
+
+    def effort(self, c: Columns) -> Floats:
+        """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
+        return np.asarray(np.column_stack([c[k] for k in TERMS]) @ self.gains)
+
+    def numbers(self, c: Columns) -> dict[str, Floats]:
+        """Return what a relative change of each number of the controller adds to the effort, shape (n,) each."""
+        e, integral, damping, _, forward, ahead, _, weight = self.gains
+        command, speed = c["qr"] - c["qr"][0], damping * c["v"]
+        outer = -damping * self.kp if self.cascade else e
+        position = outer * c["e"] + (integral * c["ie"] if self.cascade else 0.0)
+        velocity = forward * c["vr"] + ((weight + self.ki) * command if self.cascade else 0.0)
+        return {
+            "position_gain": position,
+            "proportional_gain": outer * c["e"] + forward * c["vr"] + speed,
+            "loop_gain": e * c["e"] + integral * c["ie"] + forward * c["vr"] + speed + weight * command,
+            "integral": integral * c["ie"] + (self.ki * c["e"] + weight * command if self.cascade else 0.0),
+            "velocity_feedforward": velocity,
+            "acceleration_feedforward": ahead * c["ar"],
+        }
+
+
+def _cascade(gains: Floats) -> tuple[bool, float, float]:
+    """Return whether a law is a cascade, its position gain and integral gain.
+
+    ``e`` has the gain kv kp + ki and its integral ki kp: two roots make the same law while the machine is healthy.
+    The one whose velocity feed-forward a drive can have is taken.
+    """
+    e, integral, kv, weight = gains[0], gains[1], -gains[2], gains[7]
+    inside = e**2 - 4.0 * kv * integral
+    if inside < -0.3 * e**2 or kv <= 0.0:
+        return False, 0.0, 0.0
+    roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
+    possible = [kp for kp in roots if e > kv * kp and -0.1 < 1.0 + weight / (e - kv * kp) < 1.3]
+    kp = float((possible or roots)[0])
+    return True, kp, float(e - kv * kp)

@@ -1,0 +1,277 @@
+"""Causes as columns: name -> equation -> (n,) or (n, p). A number is a relative change where the part is known.
+
+A mechanism that comes with the motion stands in :func:`mechanisms`; what is smooth in a channel and has no name stands
+in :func:`descriptions`, as the rival of every name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.stretch import Columns, Stretch
+from pinotwin.effects.load import Payload
+from pinotwin.effects.tree import Tree
+
+Acts = dict[str, Floats]
+GROUPS = {
+    "friction": ("friction_scale", "coulomb", "viscous"),
+    "onset": ("friction_since", "friction_at_start"),
+    "cross": ("cross_friction",),
+    "offset": ("offset", "drift", "zero", "zero_since"),
+    "body": ("inertia", "payload"),
+    "flex": ("drive_flexibility", "compliance"),
+    "law": (
+        "position_gain",
+        "proportional_gain",
+        "loop_gain",
+        "integral",
+        "velocity_feedforward",
+        "acceleration_feedforward",
+    ),
+    "play": ("lost_motion", "lost_motion_by_load", "lost_motion_by_inertia", "lost_motion_either_side"),
+    "time": ("push", "cut"),
+    "place": ("tooth", "snag"),
+    "scale": ("effort_scale", "effort_late", "torque_constant", "torque_fades"),
+    "encoder": ("encoder_scale", "encoder_grows", "encoder_step"),
+    "limit": ("limit",),
+    "recording": (
+        "effort_of_another_run",
+        "effort_frozen",
+        "command_late",
+        "clock_scale",
+        "rows_lost",
+        "rows_doubled",
+        "from_a_slower_log",
+    ),
+    "describe": ("describe",),
+}
+GROUP = {name: group for group, names in GROUPS.items() for name in names}
+POSSIBLE = {
+    "friction_scale": (-1.0, 9.0),
+    "coulomb": (-1.0, 9.0),
+    "viscous": (-1.0, 9.0),
+    "friction_since": (-1.0, 9.0),
+    "friction_at_start": (0.0, 99.0),
+    "effort_scale": (-0.95, 9.0),
+    "torque_constant": (-0.95, 9.0),
+    "torque_fades": (-0.95, 9.0),
+    "position_gain": (-0.9, 9.0),
+    "loop_gain": (-0.9, 9.0),
+    "integral": (-1.5, 9.0),
+    "proportional_gain": (-0.9, 9.0),
+    "velocity_feedforward": (-2.0, 9.0),
+    "acceleration_feedforward": (-4.0, 9.0),
+    "lost_motion": (0.0, 1e3),
+    "lost_motion_by_load": (0.0, 1e3),
+    "lost_motion_either_side": (0.0, 1e3),
+    "lost_motion_by_inertia": (0.0, 1e3),
+    "compliance": (-1.0, 1e4),
+}
+"""Numbers that a machine can have after the change."""
+PLAY = (
+    -0.5e-4
+)  # what one number of lost motion does to the gap between the encoders: 0.1 mm, half to either side
+
+
+def mechanisms(
+    r: Reference, s: Stretch, name: str, left: dict[tuple[str, str], Floats], since: float
+) -> dict[str, Acts]:
+    """Return what may act on an axis.
+
+    Args:
+        r: healthy days.
+        s: a stretch of a log in question.
+        name: of the axis.
+        left: what its equations leave.
+        since: when the stretch begins, in lengths of it, counted through the logs: a drift goes on in the next.
+    """
+    c, size = s.axes[name], r.widths[name]["effort"]
+    rubs, ramp = c["dry"] + c["viscous"], s.t / s.t[-1]
+    out: dict[str, Acts] = {
+        "friction_scale": {"plant": rubs},
+        "coulomb": {"plant": c["dry"]},
+        "viscous": {"plant": c["viscous"]},
+        "offset": {"plant": c["one"] * size},
+        "drift": {"plant": (since + ramp - 1.0) * size},
+        "inertia": {"plant": c["a"] * size / np.std(c["a"])},
+        "drive_flexibility": {"plant": c["s"] * size / np.std(c["s"])},
+        "effort_late": {"plant": -c["du"] * 1e-3},
+        **_effort_scaled(c, ramp, left, name),
+    }
+    if name in r.laws and "e" in c:
+        out["effort_late"]["law"] = out["effort_late"]["plant"]
+        out |= {k: {"law": x} for k, x in r.laws[name].numbers(c).items()}
+    if name in r.twists and "gap" in c:
+        out |= _between_encoders(r, c, name, ramp)
+    for other in r.axes:
+        if other != name:
+            x = s.axes[other]["q"]
+            x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
+            columns = np.column_stack([c["sg"], c["sg"] * x]) * size
+            out[f"cross_friction:{other}"] = {"plant": columns}
+    turns = zero_turn(r, s, name)
+    if np.std(turns) > 1e-3 * size:
+        out["zero"] = {"plant": turns}
+    rows = c["moving"] > 0.0
+    if rows.any() and abs(np.corrcoef(c["dry"][rows], c["viscous"][rows])[0, 1]) > 0.97:
+        del out["coulomb"], out["viscous"]  # at one speed they are one
+    return out
+
+
+def _effort_scaled(
+    c: Columns, ramp: Floats, left: dict[tuple[str, str], Floats], name: str
+) -> dict[str, Acts]:
+    """Return an effort that is read too large, in plant and law alike, and a motor that needs more for the same."""
+    twin = c["dry"] + c["viscous"] + c["rest"]
+    out = {
+        "effort_scale": {"plant": twin},
+        "torque_constant": {"plant": twin},
+        "torque_fades": {"plant": twin * ramp},
+    }
+    if (name, "law") in left:
+        out["effort_scale"]["law"] = c["u"] - 0.5 * (left[name, "plant"] + left[name, "law"])
+    else:
+        del out["torque_constant"]  # nothing tells it from a reading
+    return out
+
+
+def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:
+    force = r.twist(c)
+    return {
+        "lost_motion": {"encoders": PLAY * c["memory"]},
+        "lost_motion_by_load": {"encoders": PLAY * np.tanh(force / (0.1 * np.std(force)))},
+        "lost_motion_by_inertia": {"encoders": PLAY * np.tanh(c["a"] / (0.1 * np.std(c["a"])))},
+        "compliance": {"encoders": r.twists[name][0] * force},
+        "encoder_scale": {"encoders": (c["q"] - c["q"].mean()) * 1e-4},
+        "encoder_grows": {"encoders": (c["q"] - c["q"].mean()) * ramp * 1e-4},
+    }
+
+
+def starts(s: Stretch, name: str) -> Ints:
+    """Return the rows of the log at which the command of an axis sets out after a stand; none without a command."""
+    m, j = s.motion, s.motion.names.index(name)
+    if m.qr is None or not np.isfinite(m.qr[:, j]).all():
+        return np.zeros(0, dtype=np.intp)
+    speed = np.abs(np.diff(m.qr[:, j], prepend=m.qr[0, j])) / m.step
+    moves = np.flatnonzero(speed > 1e-4 * float(speed.max(initial=0.0)) + 1e-12)
+    rest = np.diff(moves, prepend=-len(m)) * m.step > 0.08
+    return np.asarray(moves[rest], dtype=np.intp)
+
+
+def after_starts(s: Stretch, name: str, long: float) -> Floats:
+    """Return the direction of motion for a while after every start and 0 else, after the low-pass, shape (n,)."""
+    m = s.motion
+    on = np.zeros(len(m))
+    for row in starts(s, name):
+        on[row : row + int(long / m.step)] = 1.0
+    return s.taken(on * np.sign(m.v[:, m.names.index(name)]))
+
+
+def zero_turn(r: Reference, s: Stretch, name: str) -> Floats:
+    """Return what a zero that is off by one unit does to the effort, -d tau / d q, shape (n,) [N/m or N·m/rad]."""
+    j = r.twin.machine.names.index(name)
+    thin = s.motion.at(s.rows, np.zeros(len(s.rows), dtype=np.intp))
+    step, q = 1e-3, thin.q
+    still = np.zeros_like(q)
+    ends = []
+    for x in (step, -step):
+        moved = q.copy()
+        moved[:, j] += x
+        ends.append(r.twin.predict(moved, still, still)[:, j])
+    return s.low((ends[1] - ends[0]) / (2.0 * step))
+
+
+def bodies(r: Reference, s: Stretch) -> dict[str, Acts] | None:
+    """Return what a body on the last link does on every axis: axis -> equation -> (n, 5); None of a single axis."""
+    machine = r.twin.machine
+    if len(r.axes) < 2:
+        return None
+    tree = Tree(r.twin.model, machine.names, machine.rotary)
+    last = r.axes[-1]
+    values = Payload(last).bound(tree).columns(s.motion).values
+    inertia = values[:, :, [4, 6, 9]].sum(axis=2)
+    return {
+        name: {
+            "plant": s.taken(
+                np.column_stack(
+                    [values[:, machine.names.index(name), :4], inertia[:, machine.names.index(name)]]
+                )
+            )
+        }
+        for name in r.axes
+    }
+
+
+def hats(x: Floats, count: int) -> Floats:
+    """Return piecewise linear functions that sum to one, at ``count`` knots of 0..1, shape (n, count)."""
+    x = np.clip(x, 0.0, 1.0) * (count - 1)
+    return np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(count)))
+
+
+def descriptions(
+    r: Reference,
+    s: Stretch,
+    name: str,
+    ends: dict[str, tuple[float, float]],
+    run: tuple[int, int],
+    *,
+    program: bool,
+) -> dict[str, Floats]:
+    """Return smooth functions of every channel, as an effort or as dry friction, of a fifth of the effort.
+
+    Args:
+        r: healthy days.
+        s: a stretch of a log in question. name: of the axis.
+        ends: axis -> ends of its travel in all logs.
+        run: which of how many stretches this is: a function of time is another one in each.
+        program: whether all runs follow one command.
+    """
+    c, w = s.axes[name], 0.2 * r.widths[name]["effort"]
+    out: dict[str, Floats] = {}
+
+    def both(what: str, x: Floats, low: float, high: float, count: int, kinds: Sequence[str]) -> None:
+        B = hats((x - low) / max(high - low, 1e-300), count) * w
+        for kind in kinds:
+            out[kind + what] = B * c["sg"][:, None] if kind else B
+
+    both("place", c["q"], *ends[name], 16, ("", "dry "))
+    for other in r.axes:
+        if other != name:
+            o = s.axes[other]
+            both(f"place of {other}", o["q"], *ends[other], 6, ("", "dry "))
+            both(f"speed of {other}", o["v"], -r.top[other], r.top[other], 5, ("",))
+    both("speed", c["v"], -r.top[name], r.top[name], 8, ("",))
+    wide = 3.0 * float(np.std(c["a"]))
+    both("acceleration", c["a"], -wide, wide, 7, ("",))
+    wide = 2.5 * float(np.std(c["rest"]))
+    both("load", c["rest"], -wide, wide, 6, ("dry ",))
+    B = hats(s.t / s.t[-1], 9) * w
+    at, many = run
+    for kind in ("", "dry "):
+        x = np.zeros((len(s.t), 9 * many))
+        x[:, 9 * at : 9 * (at + 1)] = B * c["sg"][:, None] if kind else B
+        out[f"{kind}time"] = x
+    if program:
+        out["program"] = hats(s.t / s.t[-1], 40) * w
+    return out
+
+
+def one_program(r: Reference, logs: Sequence[Stretch]) -> bool:
+    """Whether all stretches follow one command."""
+    if len(logs) < 2:
+        return False
+    n = min(len(s.t) for s in logs)
+    if max(len(s.t) for s in logs) - n >= 3:
+        return False
+    for name in r.axes:
+        if any("qr" not in s.axes[name] for s in logs):
+            return False
+        first = logs[0].axes[name]["qr"][: n - 3]
+        for s in logs[1:]:
+            if np.std(first - s.axes[name]["qr"][: n - 3]) > 0.05 * max(float(np.std(first)), 1e-300):
+                return False
+    return True

@@ -1,0 +1,270 @@
+"""What acts at a few instants or places: pushes, cuts, teeth, snags; found in whitened residuals, one price for each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
+from pinotwin.diagnosis.days.mechanisms import one_program
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.whitening import settled
+
+Span = tuple[int, float, float]
+"""Stretch, begin and end [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Columns of what was found, in every stretch.
+
+    Attributes:
+        columns: of every stretch, shape (n, p) each, of the size of the effort.
+        price: of the search [nats].
+        place: centre and width [m or rad], where it is one. spans: when it acts, where it is bound to time.
+    """
+
+    columns: list[Floats]
+    price: float
+    place: tuple[float, float] | None = None
+    spans: list[Span] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class _Whitened:
+    """Stretches with the whitened residual that a healthy day leaves of the plant of one axis."""
+
+    logs: Sequence[Stretch]
+    name: str
+    rho: Floats
+    weight: float
+    masks: list[Floats]
+    left: list[Floats]
+    effort: float
+
+    def white(self, x: Floats) -> Floats:
+        """Return a column (n,) or columns (n, k) as whitened by the misfit's spectrum."""
+        return np.asarray(lfilter(np.r_[1.0, -self.rho], [1.0], x, axis=0))
+
+
+def local(
+    r: Reference,
+    logs: Sequence[Stretch],
+    left: Sequence[dict[tuple[str, str], Floats]],
+    name: str,
+    found: Shapes,
+) -> dict[str, Local]:
+    """Return the pushes, cuts, teeth and snags of an axis that are worth a look."""
+    w = _whitened(r, logs, left, name, found)
+    out = {}
+    pushes = _pulses(w, [(k,) for k in range(len(logs))], 8)
+    if pushes:
+        out["push"] = _timed(w, pushes)
+    if one_program(r, logs):
+        cuts = _pulses(w, [tuple(range(len(logs)))], 12)
+        if cuts:
+            out["cut"] = _timed(w, cuts)
+    low = min(float(s.axes[name]["q"].min()) for s in logs)
+    high = max(float(s.axes[name]["q"].max()) for s in logs)
+    return {**out, **_at_places(w, low, high)}
+
+
+def _whitened(
+    r: Reference,
+    logs: Sequence[Stretch],
+    left: Sequence[dict[tuple[str, str], Floats]],
+    name: str,
+    found: Shapes,
+) -> _Whitened:
+    whitening = r.whitenings[name, "plant"]
+    masks = [settled(s.axes[name]["moving"]) for s in logs]
+    rest = []
+    for s, x, m in zip(logs, left, masks, strict=True):
+        day = whitening(healthy_day(r, s, name, found)["plant"]) * m[:, None] / whitening.weight
+        y = whitening(x[name, "plant"][:, None])[:, 0] * m / whitening.weight
+        known = np.linalg.solve(day.T @ day + np.eye(day.shape[1]), day.T @ np.clip(y, -6.0, 6.0))
+        rest.append(y - day @ known)
+    effort = r.widths[name]["effort"]
+    return _Whitened(logs, name, whitening.rho, whitening.weight, masks, rest, effort)
+
+
+Pulses = list[dict[int, Floats]]
+"""Half waves: stretch -> column."""
+
+
+def _pulses(w: _Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulses:
+    """Return half waves in time, the strongest first; each is the same in all stretches of its group."""
+    left, found = [x.copy() for x in w.left], list[dict[int, Floats]]()
+    for _ in range(most):
+        best = max(
+            (_strongest(w, left, g, width) for width in (0.1, 0.2, 0.4) for g in groups), key=lambda x: x[0]
+        )
+        gain, group, at, wave = best
+        if gain < SETTINGS.place + 4.0:
+            break
+        columns = {}
+        for k in group:
+            x = np.zeros(len(w.logs[k].t))
+            x[at : at + len(wave)] = wave[: len(x) - at]
+            columns[k] = x
+            b = w.white(x) * w.masks[k] / w.weight
+            left[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
+        found.append(columns)
+    return found
+
+
+def _strongest(
+    w: _Whitened, left: Sequence[Floats], group: tuple[int, ...], width: float
+) -> tuple[float, tuple[int, ...], int, Floats]:
+    """Return the gain [nats] of the best half wave of a width [s] in a group of stretches, where it is, and its form."""
+    n = max(2, int(width / w.logs[0].step))
+    wave = np.sin(np.pi * np.arange(n + 2) / (n + 1))
+    b = np.convolve(wave, np.r_[1.0, -w.rho])
+    short = min(len(left[k]) for k in group)
+    if short <= len(b):
+        return 0.0, group, 0, wave
+    num = sum(np.correlate(left[k][:short], b, "valid") for k in group)
+    den = sum(np.correlate(w.masks[k][:short] / w.weight**2, b**2, "valid") for k in group)
+    # A half wave in rows that do not count is none.
+    gain = num**2 / np.maximum(den, 0.6 * float(b @ b) / w.weight**2) / w.weight**2 / 2.0
+    at = int(np.argmax(gain))
+    return float(gain[at]), group, at, wave
+
+
+def _timed(w: _Whitened, pulses: Pulses) -> Local:
+    columns = [
+        np.column_stack([p.get(k, np.zeros(len(s.t))) * w.effort for p in pulses])
+        for k, s in enumerate(w.logs)
+    ]
+    spans = [
+        (k, float(w.logs[k].t[np.flatnonzero(x)[0]]), float(w.logs[k].t[np.flatnonzero(x)[-1]]))
+        for p in pulses
+        for k, x in p.items()
+        if x.any()
+    ]
+    return Local(columns, SETTINGS.place * len(pulses), spans=spans)
+
+
+@dataclass(frozen=True, eq=False)
+class _Bump:
+    """The best place of a scan: gain [nats], centre, width, and for a snag the passes on which it drags."""
+
+    gain: float = 0.0
+    at: float = 0.0
+    width: float = 0.0
+    passes: tuple[tuple[int, int, int], ...] = ()  # stretch, first and last row
+    drags: Floats = field(default_factory=lambda: np.zeros(0))
+
+
+def _at_places(w: _Whitened, low: float, high: float) -> dict[str, Local]:
+    """Return a bump at a place, and a drag at a place on some passes."""
+    tooth, snag = _scan(w, low, high)
+    out = {}
+    if tooth.gain > SETTINGS.place + 4.0:
+        at, width = _finer(w, tooth, [np.ones(len(s.t)) for s in w.logs])
+        columns = [_bump(w, s, at, width)[:, None] * w.effort for s in w.logs]
+        out["tooth"] = Local(columns, SETTINGS.place, (at, width))
+    if snag.gain > SETTINGS.place:
+        keep = [np.zeros(len(s.t)) for s in w.logs]
+        for (k, a, b), on in zip(snag.passes, snag.drags, strict=True):
+            keep[k][a:b] = on
+        keep = [x * s.axes[w.name]["sg"] for x, s in zip(keep, w.logs, strict=True)]
+        at, width = _finer(w, snag, keep)
+        columns = [
+            (_bump(w, s, at, width) * x * w.effort)[:, None] for s, x in zip(w.logs, keep, strict=True)
+        ]
+        count = float(snag.drags.sum())
+        price = SETTINGS.place + count * np.log(1 / 0.4) + (len(snag.passes) - count) * np.log(1 / 0.6)
+        spans = [
+            (k, float(w.logs[k].t[a]), float(w.logs[k].t[b - 1]))
+            for (k, a, b), on in zip(snag.passes, snag.drags, strict=True)
+            if on
+        ]
+        out["snag"] = Local(columns, float(price), (at, width), spans)
+    return out
+
+
+def _bump(w: _Whitened, s: Stretch, at: float, width: float) -> Floats:
+    return s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))
+
+
+def _scan(w: _Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
+    """Return the best tooth and the best snag on a grid of places and widths."""
+    back = []  # the adjoint: what a column at a place is multiplied with, its low-pass taken over
+    for s, x, m in zip(w.logs, w.left, w.masks, strict=True):
+        y = x * m / w.weight
+        back.append(s.low(w.white(y[::-1])[::-1]))
+    step = w.logs[0].step
+    order = np.arange(len(w.rho) + 1)
+    passed = [np.abs(np.exp(-2j * np.pi * f * step * order[1:]) @ -w.rho + 1.0) ** 2 for f in (2.0, 4.0, 8.0)]
+    density = [m / w.weight**2 * float(np.mean(passed)) for m in w.masks]
+    tooth, snag, span = _Bump(), _Bump(), high - low
+    for share in (0.006, 0.015, 0.04):
+        width = share * span
+        places = np.arange(low + 2.0 * width, high - 2.0 * width, max(width, span / 120.0))
+        if not len(places):
+            continue
+        E = [np.exp(-(((s.axes[w.name]["q"][:, None] - places) / width) ** 2)) for s in w.logs]
+        P = [x * b[:, None] for x, b in zip(E, back, strict=True)]
+        Z = [x**2 * d[:, None] for x, d in zip(E, density, strict=True)]
+        num, den = sum(p.sum(axis=0) for p in P), sum(z.sum(axis=0) for z in Z)
+        gain = num**2 / np.maximum(den, 0.05 / w.weight**2) / 2.0
+        n = int(np.argmax(gain))
+        if gain[n] > tooth.gain:
+            tooth = _Bump(float(gain[n]), float(places[n]), width)
+        snag = max(snag, _best_snag(w, places, width, (E, P, Z)), key=lambda x: x.gain)
+    return tooth, snag
+
+
+def _best_snag(
+    w: _Whitened, places: Floats, width: float, parts: tuple[list[Floats], list[Floats], list[Floats]]
+) -> _Bump:
+    """Return the place at which dry friction rises on some passes: each is on (0.4) or off (0.6)."""
+    sums, edges = [], []
+    for s, x, p, z in zip(w.logs, *parts, strict=True):
+        zero = np.zeros((1, len(places)))
+        drag = p * s.axes[w.name]["sg"][:, None]
+        sums.append([np.vstack([zero, np.cumsum(y, axis=0)]) for y in (drag, z)])
+        edges.append(np.diff(np.pad((x > 0.05).astype(np.int8), ((1, 1), (0, 0))), axis=0))
+    best = _Bump()
+    for n in range(len(places)):
+        passes = _passes(edges, n)
+        if len(passes) < 3:
+            continue
+        p, z = (np.array([sums[k][i][b, n] - sums[k][i][a, n] for k, a, b in passes]) for i in (0, 1))
+        if z.sum() <= 0.0:
+            continue
+        top = float(np.max(p / np.maximum(z, 0.3 * z.max())))
+        for size in top * np.array([0.4, 0.6, 1.0]) if top > 0.0 else ():
+            on = size * p - size * size * z / 2.0
+            gain = float(np.logaddexp(np.log(0.6), np.log(0.4) + on).sum())
+            if gain > best.gain and (on > 0.4).sum() >= 2:
+                best = _Bump(gain, float(places[n]), width, tuple(passes), (on > 0.4).astype(float))
+    return best
+
+
+def _passes(edges: Sequence[Ints], n: int) -> list[tuple[int, int, int]]:
+    out = []
+    for k, d in enumerate(edges):
+        first, last = (np.flatnonzero(d[:, n] == v) for v in (1, -1))
+        out += [(k, int(a), int(b)) for a, b in zip(first, last, strict=True)]
+    return out
+
+
+def _finer(w: _Whitened, bump: _Bump, keep: Sequence[Floats]) -> tuple[float, float]:
+    """Return place and width between those of the scan; ``keep`` is what counts of each row, signed for a drag."""
+    shifts, factors = np.meshgrid([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75], [0.6, 0.8, 1.0, 1.3, 1.7])
+    at, width = bump.at + shifts.ravel() * bump.width, factors.ravel() * bump.width
+    num, den = np.zeros(len(at)), np.zeros(len(at))
+    for s, x, m, c in zip(w.logs, w.left, w.masks, keep, strict=True):
+        bumps = s.low(np.exp(-(((s.axes[w.name]["q"][:, None] - at) / width) ** 2)))
+        b = w.white(bumps * c[:, None]) * m[:, None] / w.weight
+        num, den = num + x @ b, den + (b**2).sum(axis=0)
+    n = int(np.argmax(num**2 / np.maximum(den, 1e-9)))
+    return float(at[n]), float(width[n])

@@ -1,0 +1,228 @@
+"""The recording as a suspect: a transform of the log, scored again by the same equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.days.evidence import Spoilt, cells
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.rows import ALL, Asked, Row
+from pinotwin.diagnosis.days.score import Cells, opened, score
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.effects.scene import with_model_effort
+
+POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr": -3, "ie": 1}
+"""Channel -> power of the clock's scale that it has."""
+
+
+def recording_rows(asked: Asked) -> list[Row]:
+    """Return the rows of what may have become of the log: effort of another run, frozen, late command, odd clock."""
+    r, out = asked.r, []
+    for name in r.axes:
+        if (name, "law") in asked.q.left[0]:
+            out += [*_without_effort(asked, name), *_late(asked, name)]
+    return [*out, *_clock(asked)]
+
+
+def _without_effort(asked: Asked, name: str) -> list[Row]:
+    """Return the rows of an effort that is none: of another run, or frozen for a while."""
+    q, out = asked.q, []
+    still = [_frozen(s, name) for s in q.logs]
+    whole = [np.ones(len(s.t), dtype=bool) for s in q.logs]
+    for cause, rows in (("effort_of_another_run", whole), ("effort_frozen", still)):
+        if any(x.any() for x in rows):
+            c = cells(asked.r, q.logs, q.left, name, spoilt=Spoilt(rows))
+            out.append(_again(asked, cause, name, {name: c}, float("nan"), 5.0))
+    return out
+
+
+def _frozen(s: Stretch, name: str) -> Mask:
+    """Return where the effort stands still for a tenth of a second and more, (n,)."""
+    u = s.motion.u[:, s.motion.names.index(name)]
+    t = s.motion.t - s.motion.t[0]
+    same = np.r_[False, np.diff(u) == 0.0, False].astype(int)
+    edges = np.flatnonzero(np.diff(np.r_[0, same]))
+    out = np.zeros(len(s.t), dtype=bool)
+    for a, b in zip(edges[::2], edges[1::2], strict=False):
+        end = t[min(b, len(t) - 1)]
+        if end - t[a] > 0.1:
+            out |= (s.t > t[a] - 0.06) & (s.t < end + 0.06)
+    return out
+
+
+def limit_rows(asked: Asked) -> list[Row]:
+    """Return the rows of drives at their limit: the effort stays behind what the law asks, and its integral stands."""
+    out = []
+    for name in asked.r.axes:
+        if (name, "law") not in asked.q.left[0]:
+            continue
+        each = [
+            _limited(asked.r, s, x[name, "law"], name)
+            for s, x in zip(asked.q.logs, asked.q.left, strict=True)
+        ]
+        if not any(x is not None and x[1].any() for x in each):
+            continue
+        left, rows, events = [], [], 0
+        for x, found in zip(asked.q.left, each, strict=True):
+            rest, at = found or (x[name, "law"], np.zeros(len(x[name, "law"]), dtype=bool))
+            left.append({**x, (name, "law"): rest})
+            rows.append(at)
+            events += int(np.sum(np.diff(at.astype(int)) > 0))
+        c = cells(asked.r, asked.q.logs, left, name, spoilt=Spoilt(rows, measured=True))
+        spans = [
+            (k, float(s.t[a]), float(s.t[b - 1]))
+            for k, (s, at) in enumerate(zip(asked.q.logs, rows, strict=True))
+            for a, b in _runs(at)
+        ]
+        since = [min(a for n, a, _ in spans if n == k) for k in sorted({n for n, _, _ in spans})]
+        level = float(np.median([_held(asked.q.logs[k], name, a, b) for k, a, b in spans]))
+        row = _again(asked, "limit", name, {name: c}, level, SETTINGS.number * events)
+        out.append(replace(row, group="limit", since=since, spans=spans))
+    return out
+
+
+def _held(s: Stretch, name: str, a: float, b: float) -> float:
+    """Return the size at which the effort stands between two times [N or N·m]."""
+    m = s.motion
+    rows = (m.t - m.t[0] >= a) & (m.t - m.t[0] <= b)
+    return float(np.quantile(np.abs(m.u[rows, m.names.index(name)]), 0.8))
+
+
+def _runs(at: Mask) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.r_[0, at.astype(int), 0]))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) -> tuple[Floats, Mask] | None:
+    """Return what the law leaves between the times at a limit, and those times; None where it is no limit.
+
+    A drive at its limit does not integrate: after each such time the law is off by another constant.
+    """
+    w, u = r.whitenings[name, "law"], s.axes[name]["u"]
+    high = max(8.0 * w.sigma, 0.01 * float(np.abs(u).max()))
+    pad, hold = max(1, int(0.06 / s.step)), max(2, int(0.12 / s.step))
+    rest, at, i = left - np.median(left[:hold]), np.zeros(len(left), dtype=bool), 0
+    for _ in range(most):
+        behind = np.flatnonzero(rest[i:] * np.sign(u[i:]) < -high)
+        if not len(behind):
+            return (rest, at) if at.mean() < 0.4 else None
+        a = i + int(behind[0])
+        b = a
+        while b + hold < len(rest) and np.ptp(rest[b : b + hold]) > 0.5 * high:
+            b += 1
+        at[max(a - pad, 0) : b + pad] = True
+        rest[b:] -= np.median(rest[b : b + hold])
+        i = min(b + 1, len(rest) - 1)
+        if b + hold >= len(rest):
+            return (rest, at) if at.mean() < 0.4 else None
+    return None
+
+
+def _late(asked: Asked, name: str) -> list[Row]:
+    """Return the row of a command that was recorded late by whole samples."""
+    cycle = asked.q.logs[0].cycle
+    delays = np.unique(np.r_[np.arange(-2, 5), 6, 8, 10, 12, 14]) * cycle
+
+    def rest(delay: float) -> float:
+        each = [asked.r.residuals(_earlier(s, name, delay), [name])[name, "law"] for s in asked.q.logs]
+        return float(sum(np.log(np.var(x)) for x in each))
+
+    best = float(min(delays, key=rest))
+    if not best:
+        return []
+    logs = [_earlier(s, name, best) for s in asked.q.logs]
+    left = [asked.r.residuals(s, [name]) for s in logs]
+    c = cells(asked.r, logs, left, name)
+    return [_again(asked, "command_late", name, {name: c}, best, SETTINGS.number + 2.0)]
+
+
+def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
+    """Return a stretch with the command of an axis earlier by a delay [s]."""
+    c = dict(s.axes[name])
+    for k in ("qr", "vr", "ar", "jr"):
+        c[k] = CubicSpline(s.t, c[k])(np.minimum(s.t + delay, s.t[-1]))
+    change = c["qr"] - s.axes[name]["qr"]
+    c["e"], c["ie"] = c["e"] + change, c["ie"] + np.cumsum(change) * s.step
+    return replace(s, axes={**s.axes, name: c})
+
+
+def _clock(asked: Asked) -> list[Row]:
+    """Return the row of a clock that runs too fast or too slowly."""
+    q = asked.q
+    factors = np.r_[np.arange(0.96, 1.0, 0.01), 0.995, 1.0, 1.005, np.arange(1.01, 1.045, 0.01)]
+
+    def rest(f: float) -> float:
+        each = [asked.r.residuals(_slower(asked.r, s, f)) for s in q.logs]
+        return float(sum(np.log(np.var(x) + 1e-300) for row in each for x in row.values()))
+
+    best = float(min(factors, key=rest))
+    if best == 1.0:
+        return []
+    logs = [_slower(asked.r, s, best) for s in q.logs]
+    left = [asked.r.residuals(s) for s in logs]
+    again = {k: cells(asked.r, logs, left, k) for k in asked.r.axes}
+    return [_again(asked, "clock_scale", ALL, again, best, SETTINGS.number + 2.0)]
+
+
+def _slower(r: Reference, s: Stretch, factor: float) -> Stretch:
+    """Return a stretch whose clock is slower by a factor."""
+    if factor == 1.0:
+        return s
+    m = replace(s.motion, v=s.motion.v / factor, a=s.motion.a / factor**2)
+    m = with_model_effort(m, r.twin.effects, r.twin.theta)
+    left = s.taken(np.nan_to_num(m.u - r.twin.effort(m)))
+    axes = {}
+    for name, c in s.axes.items():
+        found = {k: x * factor ** POWERS.get(k, 0) for k, x in c.items()}
+        axes[name] = {**found, "left": left[:, m.names.index(name)]}
+    return replace(s, axes=axes)
+
+
+def _again(
+    asked: Asked, cause: str, axis: str, again: Mapping[str, Mapping[str, Cells]], number: float, price: float
+) -> Row:
+    """Return the row of a transform from the cells that it leaves: gains of equations, each per cell that is there."""
+    by, closed = {"day": 0.0}, dict[str, float]()
+    logs, every = np.zeros(len(asked.q.logs)), list[Floats]()
+    for name, each in again.items():
+        for equation, c in each.items():
+            before, old = asked.base[name, equation], asked.cells[name][equation]
+            after = score([(c, np.zeros(0, dtype=np.intp))], 0)
+            new, was = after.held[0], before.held[0]
+            by["day"] += after.cost - before.cost
+            was_open, is_open = opened(old, was), opened(c, new)
+            closed[equation] = (was_open - is_open) / max(was_open - 1.0, 0.1)
+            by[equation] = by.get(equation, 0.0) + float(new.sum() - was.mean() * len(new))
+            for k in range(len(logs)):
+                a, b = c.log == k, old.log == k
+                if a.any() and b.any():
+                    logs[k] += float(new[a].sum() - was[b].mean() * a.sum())
+            if len(new) == len(was):
+                every.append(new - was)
+    gains = np.concatenate(every) if every else np.zeros(1)
+    total = float(gains.sum())
+    return Row(
+        name=cause,
+        axis=axis,
+        group="recording",
+        score=sum(by.values()) - price,
+        by=by,
+        price=price,
+        count=1,
+        theta=number,
+        error=float("nan"),
+        z=10.0,
+        worth=1.0,
+        logs=[float(x) for x in logs],
+        closed=closed,
+        positive=float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-9))
+        if every
+        else 1.0,
+        spread=total**2 / max(float((gains**2).sum()), 1e-9) if total > 0.0 else 0.0,
+    )

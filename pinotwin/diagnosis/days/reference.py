@@ -1,0 +1,220 @@
+"""What healthy days of a machine are like: its equations, what they leave of days that they do not know, and widths."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
+from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.identification.misfit import own_residual
+from pinotwin.motion import Motion
+from pinotwin.signals import rms
+from pinotwin.twin import Twin
+
+EQUATIONS = ("plant", "law", "encoders")
+Residuals = Mapping[tuple[str, str], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A twin of several days.
+
+    Attributes:
+        twin: the plant. axes: that are judged. closed: whose position loop is closed on the load.
+        top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
+        logs: stretches of the twin's own logs.
+        laws: axis -> law of its controller; only of axes whose law foretells a log left out.
+        twists: axis -> compliance and inertia between its two encoders, shape (2,).
+        whitenings: axis, equation -> spectrum of the misfit.
+        widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
+        tables: axis -> place and misfit that healthy logs share there.
+    """
+
+    twin: Twin
+    axes: tuple[str, ...]
+    closed: frozenset[str]
+    top: Mapping[str, float]
+    logs: tuple[Stretch, ...]
+    laws: Mapping[str, Law]
+    twists: Mapping[str, Floats]
+    whitenings: Mapping[tuple[str, str], Whitening] = field(default_factory=dict)
+    widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    law_widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    tables: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+
+    def twist(self, c: Columns) -> Floats:
+        """Return what the spring between two encoders carries, shape (n,): the effort less half of dry friction."""
+        return np.asarray(c["u"] - 0.5 * c["dry"])
+
+    def tied(self, name: str, c: Columns) -> Floats | float:
+        """Return what a velocity loop adds that integrates the motor while the position loop watches the load."""
+        return self.laws[name].ki * c["gap"] if name in self.closed and "gap" in c else 0.0
+
+    def residuals(self, s: Stretch, only: Collection[str] | None = None) -> dict[tuple[str, str], Floats]:
+        """Return what each equation of every axis leaves of a stretch, shape (n,) each."""
+        out = {}
+        for name in self.axes if only is None else only:
+            c = s.axes[name]
+            place, shared = self.tables.get(name, (np.zeros(1), np.zeros(1)))
+            out[name, "plant"] = (c["left"] - np.interp(c["q"], place, shared)) * c["moving"]
+            if name in self.laws and "e" in c:
+                r = c["u"] - self.laws[name].effort(c) - self.tied(name, c)
+                out[name, "law"] = r - np.median(r)
+            if name in self.twists and "gap" in c:
+                a, b = self.twists[name]
+                r = c["gap"] - a * self.twist(c) - b * c["j"]
+                out[name, "encoders"] = r - np.median(r)
+        return out
+
+
+def knows_days(twin: Twin) -> bool:
+    """Whether a twin was identified from so many logs that one day can be held against the others."""
+    plain = not twin.machine.passive and twin.machine.transmission is None
+    return plain and twin.misfit is not None and len(np.unique(twin.misfit.log)) >= SETTINGS.least_days
+
+
+def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
+    """Return what healthy days of a twin are like; None of a twin of too few logs, whose days nobody has seen."""
+    if twin.misfit is None or not knows_days(twin):
+        return None
+    own, logs, cuts = own_residual(twin), [], _logs(twin.misfit.motion, twin.misfit.log)
+    index = {k: twin.machine.names.index(k) for k in axes}
+    top = {k: float(np.quantile(np.abs(twin.misfit.motion.v[:, j]), 0.99)) for k, j in index.items()}
+    for k, (start, stop) in enumerate(cuts):
+        logs += stretches(twin, twin.misfit.motion.cut(start, stop), own[start:stop], k, axes, top)
+    motion = twin.misfit.motion
+    closed = frozenset(k for k, j in index.items() if motion.on_load and motion.on_load[j])
+    days = sorted({s.log for s in logs})
+    if len(days) < SETTINGS.least_days:
+        return None
+    bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
+    unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
+    for day in days:
+        known = _fitted(bare, [s for s in logs if s.log != day])
+        unseen += [(s, known.residuals(s)) for s in logs if s.log == day]
+    return _measured(_fitted(bare, logs), unseen)
+
+
+def _logs(motion: Motion, log: Floats) -> list[tuple[int, int]]:
+    """Return first and last row of every log of a twin."""
+    edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), len(motion)]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
+    """Return the reference with laws and twists of some logs."""
+    laws, twists = {}, {}
+    for name in bare.axes:
+        columns = [s.axes[name] for s in logs]
+        if all("e" in c for c in columns):
+            laws[name] = Law.fitted(columns)
+        if all("gap" in c for c in columns):
+            X = np.concatenate([np.column_stack([bare.twist(c), c["j"]]) for c in columns])
+            own = np.concatenate([np.full(len(c["u"]), k) for k, c in enumerate(columns)])
+            X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
+            scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
+            y = np.concatenate([c["gap"] for c in columns])
+            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:2]
+    return Reference(bare.twin, bare.axes, bare.closed, bare.top, bare.logs, laws, twists)
+
+
+def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
+    """Return the reference with what its equations leave of days that they do not know."""
+    whitenings, widths, law_widths, tables, laws = {}, {}, {}, {}, dict(r.laws)
+    for name in r.axes:
+        columns = [s.axes[name] for s, _ in unseen]
+        left = [x[name, "plant"] for _, x in unseen]
+        widths[name], left = _day(columns, left)
+        tables[name] = shared_shape(columns, left)
+        place, shared = tables[name]
+        left = [
+            x - np.interp(c["q"], place, shared) * c["moving"] for x, c in zip(left, columns, strict=True)
+        ]
+        whitenings[name, "plant"] = Whitening.measured(left, [c["moving"] for c in columns])
+        for equation in EQUATIONS[1:]:
+            if (name, equation) in unseen[0][1]:
+                rest = [x[name, equation] for _, x in unseen]
+                whitenings[name, equation] = Whitening.measured(rest, [c["one"] for c in columns])
+        if name in laws:
+            effort = float(np.std(np.concatenate([c["u"] for c in columns])))
+            if not laws[name].stable or whitenings[name, "law"].sigma > 0.1 * effort:
+                del laws[name]  # it copies the plant, or foretells no log
+            else:
+                law_widths[name] = _law_widths(laws[name], columns, [x[name, "law"] for _, x in unseen])
+    return Reference(
+        r.twin, r.axes, r.closed, r.top, r.logs, laws, r.twists, whitenings, widths, law_widths, tables
+    )
+
+
+def _day(columns: Sequence[Columns], left: Sequence[Floats]) -> tuple[dict[str, float], list[Floats]]:
+    """Return how far friction, offset, inertia and snap are off on days left out, and what those do not take up."""
+    size = rms(np.concatenate([c["u"] for c in columns]))
+    numbers, rest = [], []
+    for c, y in zip(columns, left, strict=True):
+        X = np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) * c["moving"][:, None]
+        scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+        b = (
+            np.linalg.solve((X / scale).T @ (X / scale) + 1e-6 * np.eye(X.shape[1]), (X / scale).T @ y)
+            / scale
+        )
+        numbers.append(b)
+        rest.append(y - X @ b)
+    dry, viscous, offset, inertia, snap = np.mean(np.square(numbers), axis=0)
+    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, len(columns)
+
+    def mixed(seen: float, name: str) -> float:
+        p = prior[name]
+        return float(np.sqrt((n * min(seen, (3.0 * p) ** 2) + count * p**2) / (n + count)))
+
+    found = {
+        "dry": mixed(dry, "dry"),
+        "viscous": mixed(viscous, "viscous"),
+        "friction": mixed(0.5 * (dry + viscous), "friction"),
+        "offset": mixed(offset, "offset"),
+        "warm": prior["warm"],
+        "late": prior["late"],
+        "inertia": float(np.sqrt(inertia)),
+        "snap": float(np.sqrt(snap)),
+        "effort": size,
+    }
+    return found, rest
+
+
+def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) -> dict[str, float]:
+    """Return how far each number of a law is off on a log left out."""
+    out = {}
+    each = [law.numbers(c) for c in columns]
+    for name in ("position_gain", "loop_gain", "velocity_feedforward", "acceleration_feedforward"):
+        off = []
+        for x, y in zip(each, left, strict=True):
+            z = x[name] - x[name].mean()
+            off.append(float(z @ y) / max(float(z @ z), 1e-300))
+        out[name] = 1.5 * rms(np.array(off)) + 1e-5
+    return out
+
+
+def shared_shape(
+    columns: Sequence[Columns], left: Sequence[Floats], count: int = 60
+) -> tuple[Floats, Floats]:
+    """Return places and the misfit that logs share there, shrunk by how far they agree on it."""
+    q = [c["q"][c["moving"] > 0.0] for c in columns]
+    q = [x if len(x) else np.zeros(1) for x in q]
+    edges = np.linspace(min(x.min() for x in q), max(x.max() for x in q) + 1e-12, count + 1)
+    mean = np.full((len(columns), count), np.nan)
+    for i, (c, r) in enumerate(zip(columns, left, strict=True)):
+        rows = c["moving"] > 0.0
+        at = np.clip(np.digitize(c["q"][rows], edges) - 1, 0, count - 1)
+        n = np.bincount(at, minlength=count)
+        mean[i] = np.where(n > 0, np.bincount(at, r[rows], count) / np.maximum(n, 1), np.nan)
+    n = np.isfinite(mean).sum(axis=0)
+    level = np.nansum(mean, axis=0) / np.maximum(n, 1)
+    noise = float(np.nansum((mean - level) ** 2)) / max(int(n.sum()) - count, 1)
+    signal = max(float(np.mean(level**2)) - noise / max(float(n.mean()), 1.0), 0.0)
+    shrunk = level * signal / (signal + noise / np.maximum(n, 0.5) + 1e-300)
+    return 0.5 * (edges[1:] + edges[:-1]), shrunk

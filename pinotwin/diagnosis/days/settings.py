@@ -1,0 +1,44 @@
+"""What the judgement takes for granted of every machine; widths are of what a healthy day does, before it is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Constants of the method.
+
+    Attributes:
+        corner: of the low-pass that every column goes through [Hz]. cell: length of one cell of evidence [s].
+        folds: parts of a log that are left out in turn. order: of the autoregression of the misfit.
+        freedom: of Student's t, by which one bad cell decides nothing.
+        number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
+        least_days: logs of a twin from which on its days are measured.
+        widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
+            half cycles.
+        prior_days: how many days that prior counts for.
+    """
+
+    corner: float = 25.0
+    cell: float = 0.5
+    folds: int = 6
+    order: int = 6
+    freedom: float = 4.0
+    number: float = 2.0
+    place: float = 8.0
+    least_days: int = 3
+    prior_days: int = 3
+    widths: dict[str, float] = field(
+        default_factory=lambda: {
+            "friction": 0.05,
+            "dry": 0.03,
+            "viscous": 0.05,
+            "warm": 0.05,
+            "offset": 0.01,
+            "late": 1.0,
+        }
+    )
+
+
+SETTINGS = Settings()

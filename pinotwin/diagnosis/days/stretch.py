@@ -1,0 +1,155 @@
+"""An unbroken stretch of a log as columns on an even clock, after one zero-phase low-pass.
+
+What is linear before the low-pass is linear after it, so the columns of a cause can be added to those of a healthy day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, filtfilt
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.effects.family import FRICTION
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+Columns = Mapping[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Columns of every axis, of shape (n,) each.
+
+    Attributes:
+        t: time since the stretch begins [s], shape (n,). step: of it [s]. cycle: of the log [s].
+        log: number of the log. start: row of it at which the stretch begins. cell: number of the cell that each row is in, shape (n,).
+        axes: axis -> channel -> column.
+        motion: the stretch as prepared, with the channels of the twin's effort. rows: those of it that are kept.
+        left: measured effort less the twin's on every row of ``motion``, shape (m, nv) [N or N·m].
+    """
+
+    t: Floats
+    step: float
+    cycle: float
+    log: int
+    start: int
+    cell: Ints
+    axes: Mapping[str, Columns]
+    motion: Motion
+    rows: Ints
+    left: Floats
+
+    def low(self, x: Floats) -> Floats:
+        """Return columns (n,) or (n, k) of this clock after the low-pass."""
+        b, a = butter(3, min(2.0 * corner(1.0 / self.cycle) * self.step, 0.9))
+        return np.asarray(filtfilt(b, a, x, axis=0))
+
+    def taken(self, x: Floats) -> Floats:
+        """Return columns (m,) or (m, k) of the log's clock after the low-pass, on the rows that are kept."""
+        return smooth(x, self.cycle)[self.rows]
+
+
+def corner(rate: float) -> float:
+    """Return the corner of the low-pass at a sampling rate [Hz]."""
+    return min(SETTINGS.corner, 0.2 * rate)
+
+
+def smooth(x: Floats, cycle: float) -> Floats:
+    """Return columns (n,) or (n, k) sampled every ``cycle`` [s] after the low-pass."""
+    b, a = butter(3, 2.0 * corner(1.0 / cycle) * cycle)
+    return np.asarray(filtfilt(b, a, x, axis=0))
+
+
+def stretches(
+    twin: Twin, motion: Motion, left: Floats, log: int, axes: Sequence[str], top: Mapping[str, float]
+) -> list[Stretch]:
+    """Return the unbroken stretches of a log that are long enough to be judged.
+
+    Args:
+        twin: what the effort is compared with.
+        motion: the log, prepared. left: measured effort less the twin's, shape (n, nv) [N or N·m].
+        log: its number.
+        axes: axes that are judged.
+        top: axis -> its highest speed in the twin's own logs [m/s or rad/s]; what stands still is told by it.
+    """
+    least = 4.0 * SETTINGS.cell / motion.step
+    long = [s for s in motion.segments if s.stop - s.start > least]
+    return [
+        _stretch(twin, motion.cut(s.start, s.stop), left[s.start : s.stop], (log, s.start), axes, top)
+        for s in long
+    ]
+
+
+def _stretch(
+    twin: Twin, m: Motion, left: Floats, at: tuple[int, int], axes: Sequence[str], top: Mapping[str, float]
+) -> Stretch:
+    rate = 1.0 / m.step
+    edge, every = int(0.3 * rate), max(1, int(rate / (5.0 * corner(rate))))
+    rows = np.arange(edge, len(m) - edge, every)
+    parts = effort_parts(twin, m)
+    found = {}
+    for name in axes:
+        j = m.names.index(name)
+        speed = top.get(name)
+        columns = {**_axis(m, j, speed), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
+        columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
+        found[name] = {k: x[rows] for k, x in columns.items()}
+        found[name]["raw"] = np.array(
+            [float(np.std(m.u[:, j] - columns["u"]) / max(np.std(m.u[:, j]), 1e-300))]
+        )
+    t = m.t[rows] - m.t[0]
+    cell = (t / SETTINGS.cell).astype(np.intp)
+    return Stretch(t, every * m.step, m.step, *at, cell, found, m, rows, left)
+
+
+def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
+    """Return the channels of an axis on every row, each of shape (n,)."""
+    t, q, u, rate = m.t - m.t[0], m.q[:, j], np.nan_to_num(m.u[:, j]), 1.0 / m.step
+    spline = {k: CubicSpline(t, smooth(x, m.step)) for k, x in (("q", q), ("u", u))}
+    v, a = spline["q"](t, 1), spline["q"](t, 2)
+    top = float(np.quantile(np.abs(v), 0.99)) if top is None else top
+    goes = np.abs(v) > 0.003 * top
+    near = np.convolve(np.abs(v) < 0.015 * top, np.ones(max(1, int(0.5 * rate / corner(rate)))), "same") > 0
+    last = np.maximum.accumulate(np.where(goes, np.arange(len(t)), 0))
+    sign = np.sign(v) * goes
+    out = {
+        "q": spline["q"](t),
+        "v": v,
+        "a": a,
+        "j": spline["q"](t, 3),
+        "s": CubicSpline(t, a)(t, 2),
+        "sg": smooth(sign, m.step),
+        "memory": smooth(np.sign(v[last]), m.step),
+        "u": spline["u"](t),
+        "du": spline["u"](t, 1),
+        "one": np.ones(len(t)),
+        "moving": (~near).astype(float),
+    }
+    gap = None if m.ql is None else m.ql[:, j] - q
+    if gap is not None and np.isfinite(gap).all():
+        out["gap"] = smooth(gap, m.step)
+    if m.qr is not None and np.isfinite(m.qr[:, j]).all():
+        command = CubicSpline(t, smooth(m.qr[:, j], m.step))
+        error = smooth(m.error[:, j], m.step)
+        out |= {"e": error, "ie": np.cumsum(error) * m.step, "qr": command(t)}
+        out |= {k: command(t, n) for n, k in enumerate(("vr", "ar", "jr"), 1)}
+    return out
+
+
+VISCOUS = ("viscous", "viscous_asymmetric", "viscous_thermal", "quadratic_drag")
+
+
+def effort_parts(twin: Twin, m: Motion) -> dict[str, Floats]:
+    """Return the twin's effort by part on every row, shape (n, nv) each: dry and viscous friction, the rest."""
+    scene, nv = twin.scene(m), twin.machine.nv
+    out = {k: np.zeros((len(m), nv)) for k in ("dry", "viscous", "rest")}
+    for effect, where in zip(twin.effects, twin.slices, strict=True):
+        rubs = effect.family is FRICTION
+        part = "rest" if not rubs else "viscous" if effect.name in VISCOUS else "dry"
+        out[part] += effect.columns(scene).effort(twin.theta[where], nv)
+    return out
