@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel
 from pinotwin.diagnosis.days.judge import family
-from pinotwin.diagnosis.days.rows import Row
+from pinotwin.diagnosis.days.row import Row
 
 RATES = (0.02, 0.05, 0.10)
 RIDGE, OUTSIDE, FEW = 2.0, 0.3, 3.0

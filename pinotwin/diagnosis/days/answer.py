@@ -24,7 +24,7 @@ from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.reference import Reference, knows_days, reference
-from pinotwin.diagnosis.days.rows import ALL, Question, Row
+from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
@@ -105,10 +105,10 @@ class Answer:
             rows.starts, np.flatnonzero(at), "right"
         )
         _, block = np.unique(second, return_inverse=True)
-        whole = np.bincount(block, left**2)
+        whole = np.asarray(np.bincount(block, left**2), dtype=float)
         for x in acting:
             less = left - rows.course(x.row, axis, unseen=told)[at]
-            gained = np.bincount(block, left**2 - less**2)
+            gained = np.asarray(np.bincount(block, left**2 - less**2), dtype=float)
             share = float(gained.sum() / max(float(whole.sum()), 1e-300))
             out.append((x, Closed(whole, gained, share, "validation" if told else "fitted logs")))
             left = less
@@ -316,7 +316,8 @@ def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> D
 
     Args:
         c: twin and logs, compared.
-        seed: of everything random, for the record. quick: likewise.
+        seed: of everything random, for the record.
+        quick: likewise.
         false_alarm: share of healthy logs of which something may be said.
     """
     found = days_of(c, false_alarm)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.rows import ALL, Row
+from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
@@ -95,6 +95,8 @@ def sizes(row: Row, at: Place) -> list[Size]:
         return [_largest(row, at)]
     name, before, factor, unit = _scale(row, at)
     change, half = row.theta * factor, 1.645 * abs(row.error * factor)
+    if row.group == "friction":
+        change = max(change, -before)  # friction falls to none, not below
     low, high = before + change - half, before + change + half
     if row.name == "limit":
         return [Size(name, np.inf, row.theta, unit, (float("nan"), float("nan")))]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.diagnosis.days.rows import Row
+from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
 from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.effects.family import FRICTION

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.mechanisms import GROUPS
-from pinotwin.diagnosis.days.rows import Row
+from pinotwin.diagnosis.days.row import Row
 
 GROUP_NAMES = tuple(x for x in GROUPS if x != "describe")
 FEATURES: Mapping[str, int] = {
@@ -47,7 +47,8 @@ class Case:
 
     Attributes:
         causes, described: rows. open: axis and equation -> misfit over a healthy one.
-        noise: axis -> noise of its effort over the effort. logs: number of stretches. first: whether nothing is found yet.
+        noise: axis -> noise of its effort over the effort. logs: number of stretches.
+        first: whether nothing is found yet.
     """
 
     causes: Sequence[Row]
@@ -169,14 +170,14 @@ class Decision:
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Decision:
         """Return the weights that ``train`` wrote."""
-        arrays = (np.array(data[k], dtype=float) for k in ("mean", "scale", "weights"))
+        mean, scale, weights = (np.array(data[k], dtype=float) for k in ("mean", "scale", "weights"))
         limits = {float(k): float(x) for k, x in data["limits"].items()}
-        return cls(*arrays, data["null"], limits)
+        return cls(mean, scale, weights, data["null"], limits)
 
     def probabilities(self, case: Case) -> Floats:
         """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,)."""
         X = case.features(self.null)
-        told = X[:, len(FEATURES) : len(FEATURES) + len(GROUP_NAMES)].any(axis=1)
+        told = X[:, len(FEATURES) : len(FEATURES) + len(GROUP_NAMES)].sum(axis=1)
         value = ((X - self.mean * told[:, None]) / self.scale) @ self.weights
         share = np.exp(value - value.max())
         return np.asarray(share / share.sum())

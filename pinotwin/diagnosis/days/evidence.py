@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,7 +42,8 @@ def cells(
 
     Args:
         r: healthy days.
-        logs: stretches in question. left: what the equations leave of each.
+        logs: stretches in question.
+        left: what the equations leave of each.
         name: of the axis.
         acting: of every stretch: cause -> equation -> columns.
         found: axis and equation -> size of the causes that were found.
@@ -88,7 +90,7 @@ def _beside(
 def _without_effort(
     r: Reference, name: str, equation: str, day: Mapping[str, Floats], left: Left, shape: tuple[int, ...]
 ) -> Floats:
-    """Return what stands on rows without an effort: in the plant law less twin, which needs none; in the law nothing."""
+    """Return what stands on rows without an effort: in the plant law less twin, in the law nothing."""
     out = np.zeros(shape)
     if equation == "plant":
         plant, law = r.whitenings[name, "plant"], r.whitenings[name, "law"]
@@ -121,7 +123,7 @@ class _Cellar:
         x = x * mask[:, None] / np.sqrt(w.spread)
         wide = float(np.std(s.axes[name]["u"]))
         edges = np.flatnonzero(np.r_[True, np.diff(s.cell) != 0, True])
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             count, lost = float(mask[a:b].sum()) / w.spread, float(silent[a:b].sum()) / w.spread
             if count < 0.5:
                 continue

@@ -9,9 +9,11 @@ from functools import cache
 import numpy as np
 
 from pinotwin.diagnosis.days.decision import Case, Decision
+from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.rows import Asked, Question, Row
+from pinotwin.diagnosis.days.row import Question, Row
+from pinotwin.diagnosis.days.rows import Asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class Judged:
 
 def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row]]:
     """Return the case and all rows of a question beside the causes that were found."""
-    asked = Asked(q, found)
+    asked = Asked(q.without(found), [x for x in found if not x.rescales])
     rows = asked.rows()
     if not found:
         rows += [*recording_rows(asked), *limit_rows(asked)]
@@ -102,7 +104,13 @@ def judge(q: Question, decision: Decision, limit: float, most: int = 4) -> Judge
 
 
 def family(name: str) -> str:
-    """Return what one change of a machine goes by: forms of lost motion, and what acts at places or instants."""
-    if name.startswith("lost_motion"):
-        return "lost_motion"
-    return "local" if name in ("push", "cut", "tooth", "snag") else name
+    """Return what one change of a machine goes by: a second name of it on the same axis would be the same change."""
+    group = GROUP[name]
+    one = {"onset": "friction", "cross": "friction", "time": "local", "place": "local"}.get(group, group)
+    apart = {
+        "offset": name.startswith("zero"),
+        "scale": name == "effort_late",
+        "law": True,
+        "recording": True,
+    }
+    return name if apart.get(group, False) else one

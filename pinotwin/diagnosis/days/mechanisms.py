@@ -113,9 +113,6 @@ def mechanisms(
             x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
             columns = np.column_stack([c["sg"], c["sg"] * x]) * size
             out[f"cross_friction:{other}"] = {"plant": columns}
-    turns = zero_turn(r, s, name)
-    if np.std(turns) > 1e-3 * size:
-        out["zero"] = {"plant": turns}
     rows = c["moving"] > 0.0
     if rows.any() and abs(np.corrcoef(c["dry"][rows], c["viscous"][rows])[0, 1]) > 0.97:
         del out["coulomb"], out["viscous"]  # at one speed they are one
@@ -171,39 +168,30 @@ def after_starts(s: Stretch, name: str, long: float) -> Floats:
     return s.taken(on * np.sign(m.v[:, m.names.index(name)]))
 
 
-def zero_turn(r: Reference, s: Stretch, name: str) -> Floats:
-    """Return what a zero that is off by one unit does to the effort, -d tau / d q, shape (n,) [N/m or N·m/rad]."""
-    j = r.twin.machine.names.index(name)
-    thin = s.motion.at(s.rows, np.zeros(len(s.rows), dtype=np.intp))
-    step, q = 1e-3, thin.q
-    still = np.zeros_like(q)
-    ends = []
-    for x in (step, -step):
-        moved = q.copy()
-        moved[:, j] += x
-        ends.append(r.twin.predict(moved, still, still)[:, j])
-    return s.low((ends[1] - ends[0]) / (2.0 * step))
+def zeros(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
+    """Return what a zero off by one unit does to every effort: axis of the zero -> axis -> -d tau / d q, (n,)."""
+    names, out = r.twin.machine.names, {}
+    q = s.motion.q[s.rows]
+    still, step = np.zeros_like(q), 1e-3
+    for name in r.axes:
+        move = np.where(np.array(names) == name, step, 0.0)
+        low, high = (r.twin.predict(q + x * move, still, still) for x in (1.0, -1.0))
+        turn = s.low((high - low) / (2.0 * step))
+        if np.std(turn[:, names.index(name)]) > 1e-3 * r.widths[name]["effort"]:
+            out[name] = {k: turn[:, names.index(k)] for k in r.axes}
+    return out
 
 
-def bodies(r: Reference, s: Stretch) -> dict[str, Acts] | None:
-    """Return what a body on the last link does on every axis: axis -> equation -> (n, 5); None of a single axis."""
+def bodies(r: Reference, s: Stretch) -> dict[str, Floats]:
+    """Return what a body on the last link does on every axis: axis -> mass, first moments, inertia, (n, 5)."""
     machine = r.twin.machine
     if len(r.axes) < 2:
-        return None
+        return {}  # nothing tells it from an inertia
     tree = Tree(r.twin.model, machine.names, machine.rotary)
-    last = r.axes[-1]
-    values = Payload(last).bound(tree).columns(s.motion).values
+    values = Payload(r.axes[-1]).bound(tree).columns(s.motion).values
     inertia = values[:, :, [4, 6, 9]].sum(axis=2)
-    return {
-        name: {
-            "plant": s.taken(
-                np.column_stack(
-                    [values[:, machine.names.index(name), :4], inertia[:, machine.names.index(name)]]
-                )
-            )
-        }
-        for name in r.axes
-    }
+    at = {name: machine.names.index(name) for name in r.axes}
+    return {name: s.taken(np.column_stack([values[:, j, :4], inertia[:, j]])) for name, j in at.items()}
 
 
 def hats(x: Floats, count: int) -> Floats:
@@ -225,7 +213,8 @@ def descriptions(
 
     Args:
         r: healthy days.
-        s: a stretch of a log in question. name: of the axis.
+        s: a stretch of a log in question.
+        name: of the axis.
         ends: axis -> ends of its travel in all logs.
         run: which of how many stretches this is: a function of time is another one in each.
         program: whether all runs follow one command.

@@ -1,4 +1,4 @@
-"""What acts at a few instants or places: pushes, cuts, teeth, snags; found in whitened residuals, one price for each."""
+"""What acts at a few instants or places: pushes, cuts, teeth, snags; each costs the price of its search."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _pulses(w: _Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulse
 def _strongest(
     w: _Whitened, left: Sequence[Floats], group: tuple[int, ...], width: float
 ) -> tuple[float, tuple[int, ...], int, Floats]:
-    """Return the gain [nats] of the best half wave of a width [s] in a group of stretches, where it is, and its form."""
+    """Return gain [nats], place and form of the best half wave of a width [s] in a group of stretches."""
     n = max(2, int(width / w.logs[0].step))
     wave = np.sin(np.pi * np.arange(n + 2) / (n + 1))
     b = np.convolve(wave, np.r_[1.0, -w.rho])
@@ -226,12 +226,13 @@ def _best_snag(
     w: _Whitened, places: Floats, width: float, parts: tuple[list[Floats], list[Floats], list[Floats]]
 ) -> _Bump:
     """Return the place at which dry friction rises on some passes: each is on (0.4) or off (0.6)."""
-    sums, edges = [], []
+    sums, edges = [], list[Ints]()
     for s, x, p, z in zip(w.logs, *parts, strict=True):
         zero = np.zeros((1, len(places)))
         drag = p * s.axes[w.name]["sg"][:, None]
         sums.append([np.vstack([zero, np.cumsum(y, axis=0)]) for y in (drag, z)])
-        edges.append(np.diff(np.pad((x > 0.05).astype(np.int8), ((1, 1), (0, 0))), axis=0))
+        inside = np.pad((x > 0.05).astype(np.intp), ((1, 1), (0, 0)))
+        edges.append(inside[1:] - inside[:-1])
     best = _Bump()
     for n in range(len(places)):
         passes = _passes(edges, n)

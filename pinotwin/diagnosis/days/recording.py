@@ -11,7 +11,8 @@ from scipy.interpolate import CubicSpline
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Spoilt, cells
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.rows import ALL, Asked, Row
+from pinotwin.diagnosis.days.row import ALL, Row
+from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
@@ -91,7 +92,7 @@ def _held(s: Stretch, name: str, a: float, b: float) -> float:
     """Return the size at which the effort stands between two times [N or N·m]."""
     m = s.motion
     rows = (m.t - m.t[0] >= a) & (m.t - m.t[0] <= b)
-    return float(np.quantile(np.abs(m.u[rows, m.names.index(name)]), 0.8))
+    return float(np.quantile(np.abs(m.u[rows, m.names.index(name)]), 0.95))
 
 
 def _runs(at: Mask) -> list[tuple[int, int]]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
@@ -101,10 +102,10 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     return _measured(_fitted(bare, logs), unseen)
 
 
-def _logs(motion: Motion, log: Floats) -> list[tuple[int, int]]:
+def _logs(motion: Motion, log: Ints) -> list[tuple[int, int]]:
     """Return first and last row of every log of a twin."""
     edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), len(motion)]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:

@@ -1,4 +1,4 @@
-"""What the judgement takes for granted of every machine; widths are of what a healthy day does, before it is measured."""
+"""What the judgement takes for granted of every machine, before anything of it is measured."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ What is linear before the low-pass is linear after it, so the columns of a cause
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -27,7 +27,8 @@ class Stretch:
 
     Attributes:
         t: time since the stretch begins [s], shape (n,). step: of it [s]. cycle: of the log [s].
-        log: number of the log. start: row of it at which the stretch begins. cell: number of the cell that each row is in, shape (n,).
+        log: number of the log. start: row of it at which the stretch begins.
+        cell: number of the cell that each row is in, shape (n,).
         axes: axis -> channel -> column.
         motion: the stretch as prepared, with the channels of the twin's effort. rows: those of it that are kept.
         left: measured effort less the twin's on every row of ``motion``, shape (m, nv) [N or N·m].
@@ -43,6 +44,14 @@ class Stretch:
     motion: Motion
     rows: Ints
     left: Floats
+
+    def scaled(self, factors: Mapping[str, float]) -> Stretch:
+        """Return the stretch with the efforts of some axes multiplied."""
+        axes = dict(self.axes)
+        for name, x in factors.items():
+            c = axes[name]
+            axes[name] = {**c, "u": c["u"] * x, "du": c["du"] * x, "left": c["left"] + (x - 1.0) * c["u"]}
+        return replace(self, axes=axes)
 
     def low(self, x: Floats) -> Floats:
         """Return columns (n,) or (n, k) of this clock after the low-pass."""
@@ -72,7 +81,8 @@ def stretches(
 
     Args:
         twin: what the effort is compared with.
-        motion: the log, prepared. left: measured effort less the twin's, shape (n, nv) [N or N·m].
+        motion: the log, prepared.
+        left: measured effort less the twin's, shape (n, nv) [N or N·m].
         log: its number.
         axes: axes that are judged.
         top: axis -> its highest speed in the twin's own logs [m/s or rad/s]; what stands still is told by it.
@@ -99,9 +109,8 @@ def _stretch(
         columns = {**_axis(m, j, speed), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
         columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
         found[name] = {k: x[rows] for k, x in columns.items()}
-        found[name]["raw"] = np.array(
-            [float(np.std(m.u[:, j] - columns["u"]) / max(np.std(m.u[:, j]), 1e-300))]
-        )
+        noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
+        found[name]["raw"] = np.array([noise])
     t = m.t[rows] - m.t[0]
     cell = (t / SETTINGS.cell).astype(np.intp)
     return Stretch(t, every * m.step, m.step, *at, cell, found, m, rows, left)

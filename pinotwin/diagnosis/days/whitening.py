@@ -47,7 +47,7 @@ class Whitening:
             C[n] = power / max(sum(float((m[n:] * m[: len(m) - n]).sum()) for _, m in pairs), 1.0)
         C[0] = 1.05 * C[0] + 1e-300  # a white floor: beyond the low-pass there is nothing to be learnt
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-        rough = cls(np.linalg.solve(C[lags], C[1:]), 1.0, 1.0)
+        rough = cls(np.asarray(np.linalg.solve(C[lags], C[1:]), dtype=float), 1.0, 1.0)
         rest = [rough(x[:, None])[:, 0][settled(m) > 0.0] for x, m in pairs]
         square = np.concatenate(rest) ** 2
         if not len(square):

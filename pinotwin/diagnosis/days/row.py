@@ -1,0 +1,105 @@
+"""What speaks for a cause, and the question that is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.evidence import Left
+from pinotwin.diagnosis.days.mechanisms import Acts
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.stretch import Stretch
+
+ALL = "*"
+"""Axis of what acts on the whole machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What speaks for one cause.
+
+    Attributes:
+        name: of the cause. axis: where. group: of :data:`~pinotwin.diagnosis.days.mechanisms.GROUPS`.
+        score: gain of the log density less the price [nats]. by: of every equation and of the healthy day.
+        price: of numbers and search [nats]. count: numbers.
+        theta: the last of them. error: its standard error. z: all of them over their errors.
+        worth: size over the effort; 1 where it has none in the effort.
+        logs: gain of every stretch [nats]. positive: gains over all changes of cells. spread: cells that carry it.
+        closed: equation -> share of what is open.
+        valid: gain on the validation log with the numbers as they are [nats]; None where there is none.
+        what: other axis of a cross friction, or channel of a description.
+        place, spans: of what acts at places or instants.
+        acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
+            cannot be told there. numbers, errors: all of them, shape (count,) each.
+    """
+
+    name: str
+    axis: str
+    group: str
+    score: float
+    by: Mapping[str, float]
+    price: float
+    count: int
+    theta: float
+    error: float
+    z: float
+    worth: float
+    logs: Sequence[float]
+    positive: float
+    spread: float
+    closed: Mapping[str, float] = field(default_factory=dict)
+    valid: float | None = None
+    what: str = ""
+    place: tuple[float, float] | None = None
+    spans: Sequence[tuple[int, float, float]] = ()
+    since: Sequence[float] = ()
+    acts: Mapping[str, list[Acts]] = field(default_factory=dict, repr=False)
+    unseen: Mapping[str, list[Acts]] | None = field(default=None, repr=False)
+    numbers: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    errors: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    @property
+    def rescales(self) -> bool:
+        """Whether the effort was read in another unit: the log is put right, and asked again."""
+        return self.name == "effort_scale" and "law" in self.by
+
+    def plain(self) -> dict[str, Any]:
+        """Return what `train` reads."""
+        hidden = ("acts", "unseen", "numbers", "errors")
+        return {k: v for k, v in vars(self).items() if k not in hidden}
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Logs in question, and what the equations leave of them; validation logs, likewise."""
+
+    reference: Reference
+    logs: Sequence[Stretch]
+    left: Sequence[Left]
+    valid: Sequence[Stretch] = ()
+    valid_left: Sequence[Left] = ()
+
+    @classmethod
+    def of(cls, r: Reference, logs: Sequence[Stretch], valid: Sequence[Stretch] = ()) -> Question:
+        """Return the question what has changed in some stretches."""
+        return cls(r, logs, [r.residuals(s) for s in logs], valid, [r.residuals(s) for s in valid])
+
+    def without(self, found: Sequence[Row]) -> Question:
+        """Return the question with the efforts put right that were read in another unit."""
+        factors = {f.axis: 1.0 / (1.0 + f.theta) for f in found if f.rescales}
+        if not factors:
+            return self
+        logs, valid = ([s.scaled(factors) for s in x] for x in (self.logs, self.valid))
+        return Question.of(self.reference, logs, valid)
+
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """Return axis -> ends of its travel in all logs [m or rad]."""
+        every = [*self.reference.logs, *self.logs, *self.valid]
+        return {
+            k: (min(s.axes[k]["q"].min() for s in every), max(s.axes[k]["q"].max() for s in every))
+            for k in self.reference.axes
+        }

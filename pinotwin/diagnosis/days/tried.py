@@ -1,0 +1,164 @@
+"""All causes of a question as columns, in the logs in question and in those of validation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.courses import Course, courses, since
+from pinotwin.diagnosis.days.evidence import Left
+from pinotwin.diagnosis.days.healthy import Shapes
+from pinotwin.diagnosis.days.mechanisms import (
+    Acts,
+    after_starts,
+    bodies,
+    descriptions,
+    mechanisms,
+    one_program,
+    zeros,
+)
+from pinotwin.diagnosis.days.places import Local, local
+from pinotwin.diagnosis.days.row import ALL, Question, Row
+from pinotwin.diagnosis.days.stretch import Stretch
+
+Columns = list[dict[str, Acts]]
+"""Of every stretch, cause -> equation -> columns."""
+
+
+class Tried:
+    """What is tried beside the causes that were found so far.
+
+    Attributes:
+        columns, unseen: axis -> columns in the logs in question and in those of validation.
+        local: axis, cause -> what acts at places or instants. courses: axis, cause -> what has a course.
+        wide: cause -> its axis, of those that act on several.
+    """
+
+    def __init__(self, q: Question, found: Sequence[Row], shapes: Shapes) -> None:
+        self.q, self.r, self.found, self.shapes = q, q.reference, tuple(found), shapes
+        self.local: dict[tuple[str, str], Local] = {}
+        self.courses: dict[tuple[str, str], Course] = {}
+        self.wide: dict[str, str] = {}
+        self.columns = self._asked()
+        self.unseen = self._validation() if q.valid else {}
+
+    def price(self, axis: str, cause: str) -> float:
+        """Return what the search for a cause costs [nats]."""
+        found = self.local.get((axis, cause)) or self.courses.get((axis, cause))
+        return 0.0 if found is None else found.price
+
+    def _asked(self) -> dict[str, Columns]:
+        q, r, out = self.q, self.r, {}
+        left = [_less(s, x, self.found, k) for k, (s, x) in enumerate(zip(q.logs, q.left, strict=True))]
+        ends, program = q.ends(), one_program(r, q.logs)
+        wide = self._wide(left)
+        for name in r.axes:
+            pairs = enumerate(zip(q.logs, q.left, strict=True))
+            each = [mechanisms(r, s, name, x, float(k)) for k, (s, x) in pairs]
+            for cause, acts in wide.items():
+                _put(each, cause, [{"plant": x[name]} for x in acts])
+            for cause, found in courses(r, q.logs, left, name).items():
+                self.courses[name, cause] = found
+                _put(each, cause, found.acts)
+            for cause, place in local(r, q.logs, left, name, self.shapes).items():
+                self.local[name, cause] = place
+                _put(each, cause, [{"plant": x} for x in place.columns])
+            for k, s in enumerate(q.logs if not self.found else ()):
+                told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
+                each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
+            for n, f in enumerate(self.found):
+                _put(each, f"found:{n}", f.acts.get(name, ()))
+            out[name] = _shared(each)
+        return out
+
+    def _wide(self, left: Sequence[Left]) -> dict[str, list[dict[str, Floats]]]:
+        """Return what acts on several axes, in every stretch: a body on the last link, the zero of a joint."""
+        logs, out = self.q.logs, dict[str, list[dict[str, Floats]]]()
+        body, turns = [bodies(self.r, s) for s in logs], [zeros(self.r, s) for s in logs]
+        if body[0]:
+            out["payload"], self.wide["payload"] = body, ALL
+        for name in [k for k in turns[0] if all(k in x for x in turns)]:
+            out[f"zero:{name}"] = [x[name] for x in turns]
+            found = since(logs, [x[name][name] for x in turns], left, (name, "plant"))
+            if found is not None:
+                self.courses[name, "zero_since"] = found
+                out[f"zero_since:{name}"] = [
+                    {k: y * (s.t > t) for k, y in x[name].items()}
+                    for s, x, t in zip(logs, turns, found.since, strict=True)
+                ]
+        self.wide |= {k: k.partition(":")[2] for k in out if k != "payload"}
+        return out
+
+    def _validation(self) -> dict[str, Columns]:
+        """Return the causes in the validation logs whose columns do not hang on the logs in question."""
+        q, r, out, ends = self.q, self.r, {}, self.q.ends()
+        body, turns = [bodies(r, s) for s in q.valid], [zeros(r, s) for s in q.valid]
+        for name in r.axes:
+            each = []
+            for k, (s, left) in enumerate(zip(q.valid, q.valid_left, strict=True)):
+                acts = mechanisms(r, s, name, left, float(len(q.logs)))
+                told = descriptions(r, s, name, ends, (0, len(q.logs)), program=False)
+                acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
+                acts |= {"payload": {"plant": body[k][name]}} if body[k] else {}
+                acts |= {f"zero:{j}": {"plant": x[name]} for j, x in turns[k].items()}
+                each.append(acts | self._known(s, name))
+            out[name] = _shared(each)
+        return out
+
+    def _known(self, s: Stretch, name: str) -> dict[str, Acts]:
+        """Return what has a course or a place that holds in a validation log, too."""
+        size, out = self.r.widths[name]["effort"], {"friction_since": {"plant": s.axes[name]["dry"]}}
+        after = self.courses.get((name, "friction_at_start"))
+        if after is not None:
+            out["friction_at_start"] = {"plant": after_starts(s, name, after.since[0]) * size}
+        tooth = self.local.get((name, "tooth"))
+        if tooth is not None and tooth.place is not None:
+            x = np.exp(-(((s.axes[name]["q"] - tooth.place[0]) / tooth.place[1]) ** 2))
+            out["tooth"] = {"plant": s.low(x) * size}
+        return out
+
+
+def _put(each: Columns, cause: str, acts: Sequence[Acts]) -> None:
+    for x, a in zip(each, acts, strict=False):
+        x[cause] = a
+
+
+def _shared(each: Sequence[dict[str, Acts]]) -> list[dict[str, Acts]]:
+    """Return causes that all stretches have."""
+    names = [n for n in each[0] if all(n in x for x in each)]
+    return [{n: x[n] for n in names} for x in each]
+
+
+def _less(s: Stretch, left: Left, found: Sequence[Row], k: int) -> Left:
+    """Return what is left of a stretch without the causes that were found."""
+    out = dict(left)
+    for f in found:
+        for axis, each in f.acts.items():
+            for equation, x in each[k].items():
+                if (axis, equation) in out:
+                    out[axis, equation] = (
+                        out[axis, equation] - np.asarray(x).reshape(len(s.t), -1) @ f.numbers
+                    )
+    return out
+
+
+def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
+    """Return how large the causes are that were found, by axis and equation."""
+    out: dict[tuple[str, str], float] = {}
+    for f in found:
+        for axis, each in f.acts.items():
+            for equation in each[0]:
+                size = abs(f.theta)
+                if equation == "plant":
+                    y = np.concatenate(
+                        [
+                            np.asarray(x[equation]).reshape(len(s.t), -1) @ f.numbers
+                            for s, x in zip(q.logs, each, strict=True)
+                        ]
+                    )
+                    u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
+                    size = float(np.std(y) / max(float(np.std(u)), 1e-300))
+                out[axis, equation] = min(size, 1.0)
+    return out
