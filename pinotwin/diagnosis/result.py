@@ -210,6 +210,8 @@ class Diagnosis(Drawn):
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
+        detectable: the least changes of the plain causes that these logs would have shown, of a twin of several days.
+        evidence: the rows of evidence behind the causes, best first, likewise.
         recording: faults of the recording itself: fault, axis and its number, before which no cause is named.
         provenance: version, options, seed, and the logs with their fingerprints.
         prepared: logs that were diagnosed, with their motions.
@@ -237,6 +239,8 @@ class Diagnosis(Drawn):
     missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
+    detectable: Sequence[Mapping[str, Any]] = ()
+    evidence: Sequence[Mapping[str, Any]] = field(default=(), repr=False)
     recording: Sequence[Mapping[str, Any]] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     prepared: Sequence[Prepared] = field(default=(), repr=False, compare=False)
@@ -308,6 +312,8 @@ class Diagnosis(Drawn):
                 "warnings": list(self.warnings),
                 "differs": list(self.differs),
                 "recording": [dict(x) for x in self.recording],
+                "detectable": [dict(x) for x in self.detectable],
+                "evidence": [dict(x) for x in self.evidence],
                 "situation": self.situation,
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
                 "quick": self.quick,

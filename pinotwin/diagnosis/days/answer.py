@@ -142,7 +142,7 @@ class Answer:
         shape = {"limit": row.theta} if row.name == "limit" else {}
         rivals = [self._rival(y, p, shrink) for y, p in x.rivals if p > 0.005]
         return Found(
-            effect=effect_of(row),
+            effect=effect_of(row.name),
             axis=axis,
             confidence=x.probability,
             shape=shape,
@@ -158,7 +158,7 @@ class Answer:
         del shrink
         axis = axis_of(row, self.r)
         return {
-            "effect": effect_of(row),
+            "effect": effect_of(row.name),
             "axis": axis,
             "probability": p,
             "share": float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0)),
@@ -274,7 +274,15 @@ class Answer:
             row = self.judged.described
             words = "" if row is None else f": {row.axis} {described(row)}"
             return [f"Something has changed that no known cause explains{words}"]
-        return ["No change found: the residual is no larger than on the twin's own data"]
+        return ["No change found", *self._could()]
+
+    def _could(self) -> list[str]:
+        """Return what a log without a change would have shown."""
+        rows = [x for x in self.judged.detectable if x.effect == "friction_scale"]
+        seen = [f"{100.0 * x.change:.0f} % ({x.axis})" for x in rows if x.change < 1.0]
+        blind = [x.axis for x in rows if x.change >= 1.0]
+        out = [f"friction that changes by {', '.join(seen)} would have shown"] if seen else []
+        return [*out, *([f"that of {', '.join(blind)} cannot be judged by these logs"] if blind else [])]
 
 
 def _recorded(row: Row) -> str:
@@ -368,6 +376,8 @@ def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> D
             machine=c.machine.name,
             subject=c.twin,
             recording=a.recording(),
+            detectable=[x.plain() for x in judged.detectable],
+            evidence=[x.plain() for x in judged.rows if x.group != "describe"][:20],
             provenance=provenance(
                 c.twin, c.logs, c.validation, seed=seed, quick=quick, false_alarm=false_alarm
             ),

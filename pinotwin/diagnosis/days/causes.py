@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch
@@ -77,9 +78,9 @@ class Place:
         return 0.0
 
 
-def effect_of(row: Row) -> str:
+def effect_of(name: str) -> str:
     """Return the effect of the contract that a row names."""
-    return EFFECT.get(row.name, row.name)
+    return EFFECT.get(name, name)
 
 
 def axis_of(row: Row, r: Reference) -> str:
@@ -93,7 +94,7 @@ def sizes(row: Row, at: Place) -> list[Size]:
         return _body(row)
     if row.group == "time" or row.name == "snag":
         return [_largest(row, at)]
-    name, before, factor, unit = _scale(row, at)
+    name, before, factor, unit = unit_of(row.name, at)
     change, half = row.theta * factor, 1.645 * abs(row.error * factor)
     if row.group == "friction":
         change = max(change, -before)  # friction falls to none, not below
@@ -105,44 +106,44 @@ def sizes(row: Row, at: Place) -> list[Size]:
     return [Size(name, before, before + change, unit, (min(low, high), max(low, high)))]
 
 
-def _scale(row: Row, at: Place) -> tuple[str, float, float, str]:
+def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
     dry, viscous = at.known("coulomb"), at.known("viscous")
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
     stiff = at.reference.twists.get(at.axis, np.ones(1))[0]
     per = f"{at.force}·s/{at.length}"
-    table: dict[str, Callable[[], tuple[str, float, float, str]]] = {
-        "coulomb": lambda: ("coulomb.c", dry, dry, at.force),
-        "friction_since": lambda: ("coulomb.c", dry, dry, at.force),
-        "friction_at_start": lambda: ("coulomb.after_starts", 0.0, at.effort, at.force),
-        "cross_friction": lambda: ("coulomb.along_stroke", 0.0, at.effort, at.force),
-        "viscous": lambda: ("viscous.b", viscous, viscous, per),
-        "offset": lambda: ("offset.f0", at.known("offset"), at.effort, at.force),
-        "drift": lambda: ("offset.drift", 0.0, at.effort, at.force),
-        "inertia": lambda: ("payload.inertia", 0.0, at.effort / _spread(at, "a"), _inertia(at)),
-        "drive_flexibility": lambda: ("drive_flexibility.effort", 0.0, at.effort, at.force),
-        "compliance": lambda: ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
-        "effort_scale": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
-        "torque_constant": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
-        "torque_fades": lambda: ("effort_scale.share", 0.0, 1.0, "-"),
-        "effort_late": lambda: ("delay.seconds", 0.0, 1e-3, "s"),
-        "position_gain": lambda: ("position_gain.kp", kp, kp, "1/s"),
-        "zero": lambda: ("zero.shift", 0.0, 1.0, at.length),
-        "zero_since": lambda: ("zero.shift", 0.0, 1.0, at.length),
-        "encoder_step": lambda: ("encoder_step.step", 0.0, 1e-4, at.length),
-        "encoder_scale": lambda: ("encoder_scale.error", 0.0, 1e-4, "-"),
-        "encoder_grows": lambda: ("encoder_scale.error", 0.0, 1e-4, "-"),
-        "tooth": lambda: ("position_table.peak", 0.0, at.effort, at.force),
-        "limit": lambda: ("saturation.limit", np.inf, 1.0, at.force),
-        "command_late": lambda: ("command_late.seconds", 0.0, 1.0, "s"),
-        "clock_scale": lambda: ("clock_scale.factor", 1.0, 1.0, "-"),
+    table = {
+        "coulomb": ("coulomb.c", dry, dry, at.force),
+        "friction_since": ("coulomb.c", dry, dry, at.force),
+        "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
+        "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
+        "viscous": ("viscous.b", viscous, viscous, per),
+        "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
+        "drift": ("offset.drift", 0.0, at.effort, at.force),
+        "inertia": ("payload.inertia", 0.0, at.effort / _spread(at, "a"), _inertia(at)),
+        "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
+        "compliance": ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
+        "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
+        "torque_constant": ("effort_scale.share", 0.0, 1.0, "-"),
+        "torque_fades": ("effort_scale.share", 0.0, 1.0, "-"),
+        "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
+        "position_gain": ("position_gain.kp", kp, kp, "1/s"),
+        "zero": ("zero.shift", 0.0, 1.0, at.length),
+        "zero_since": ("zero.shift", 0.0, 1.0, at.length),
+        "encoder_step": ("encoder_step.step", 0.0, 1e-4, at.length),
+        "encoder_scale": ("encoder_scale.error", 0.0, 1e-4, "-"),
+        "encoder_grows": ("encoder_scale.error", 0.0, 1e-4, "-"),
+        "tooth": ("position_table.peak", 0.0, at.effort, at.force),
+        "limit": ("saturation.limit", np.inf, 1.0, at.force),
+        "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
+        "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
-    if row.group == "play":
+    if GROUP[name] == "play":
         return "backlash.gap", 0.0, 1e-4, at.length
-    found = table.get(row.name)
-    plain = found is None or (row.name == "position_gain" and not kp)
-    return (f"{effect_of(row)}.factor", 1.0, 1.0, "-") if plain or found is None else found()
+    found = table.get(name)
+    plain = found is None or (name == "position_gain" and not kp)
+    return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
 
 
 def _spread(at: Place, channel: str) -> float:

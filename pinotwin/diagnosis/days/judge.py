@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from pinotwin.diagnosis.days.decision import Case, Decision
+from pinotwin.diagnosis.days.detectable import Limit, detectable
 from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
 from pinotwin.diagnosis.days.reference import Reference
@@ -35,6 +36,7 @@ class Judged:
         unknown: whether something has changed that no cause explains, at last.
         described: the best description of what is left, then.
         rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
+        detectable: the least changes that these logs would have shown.
     """
 
     named: Sequence[Named]
@@ -43,10 +45,11 @@ class Judged:
     described: Row | None
     rows: Sequence[Row]
     open: Mapping[tuple[str, str], float]
+    detectable: Sequence[Limit]
 
 
-def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row]]:
-    """Return the case and all rows of a question beside the causes that were found."""
+def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row], Asked]:
+    """Return the case, all rows and the columns of a question beside the causes that were found."""
     asked = Asked(q.without(found), [x for x in found if not x.rescales])
     rows = asked.rows()
     if not found:
@@ -60,7 +63,7 @@ def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row]]:
     ]
     rows.sort(key=lambda r: -r.score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
-    return case_of(q.reference, rows, opened, len(q.logs), first=not found), rows
+    return case_of(q.reference, rows, opened, len(q.logs), first=not found), rows, asked
 
 
 @cache
@@ -81,12 +84,12 @@ def case_of(
 def judge(q: Question, decision: Decision, limit: float, most: int = 4) -> Judged:
     """Return what has changed: causes are named while P(nothing) is below a limit."""
     found: list[Named] = []
-    first: tuple[float, list[Row], Mapping[str, float]] | None = None
+    first: tuple[float, list[Row], Case, Asked] | None = None
     unknown, described = False, None
     while len(found) < most:
-        case, rows = evidence(q, [x.row for x in found])
+        case, rows, asked = evidence(q, [x.row for x in found])
         P = decision.probabilities(case)
-        first = first or (float(P[0]), rows, case.open)
+        first = first or (float(P[0]), rows, case, asked)
         if P[0] >= limit:
             break
         best = int(np.argmax(P[1:]))
@@ -99,8 +102,9 @@ def judge(q: Question, decision: Decision, limit: float, most: int = 4) -> Judge
         if found[-1].row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
     assert first is not None
-    opened = {(k.rpartition(" ")[0], k.rpartition(" ")[2]): x for k, x in first[2].items()}
-    return Judged(found, first[0], unknown, described, first[1], opened)
+    nothing, rows, case, asked = first
+    could = detectable(asked, decision.null)
+    return Judged(found, nothing, unknown, described, rows, asked.open, could)
 
 
 def family(name: str) -> str:

@@ -91,15 +91,18 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
         logs += stretches(twin, twin.misfit.motion.cut(start, stop), own[start:stop], k, axes, top)
     motion = twin.misfit.motion
     closed = frozenset(k for k, j in index.items() if motion.on_load and motion.on_load[j])
-    days = sorted({s.log for s in logs})
-    if len(days) < SETTINGS.least_days:
+    known_days = len({s.log for s in logs})
+    if known_days < SETTINGS.least_days:
         return None
+    if known_days < 3:  # parts of few logs stand for logs, and the prior for their scatter
+        logs = [part for s in logs for part in s.thirds()]
+    days = sorted({s.log for s in logs})
     bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
     unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
     for day in days:
         known = _fitted(bare, [s for s in logs if s.log != day])
         unseen += [(s, known.residuals(s)) for s in logs if s.log == day]
-    return _measured(_fitted(bare, logs), unseen)
+    return _measured(_fitted(bare, logs), unseen, known_days)
 
 
 def _logs(motion: Motion, log: Ints) -> list[tuple[int, int]]:
@@ -125,13 +128,15 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
     return Reference(bare.twin, bare.axes, bare.closed, bare.top, bare.logs, laws, twists)
 
 
-def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
+def _measured(
+    r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]], days: int
+) -> Reference:
     """Return the reference with what its equations leave of days that they do not know."""
     whitenings, widths, law_widths, tables, laws = {}, {}, {}, {}, dict(r.laws)
     for name in r.axes:
         columns = [s.axes[name] for s, _ in unseen]
         left = [x[name, "plant"] for _, x in unseen]
-        widths[name], left = _day(columns, left)
+        widths[name], left = _day(columns, left, days)
         tables[name] = shared_shape(columns, left)
         place, shared = tables[name]
         left = [
@@ -153,7 +158,9 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
     )
 
 
-def _day(columns: Sequence[Columns], left: Sequence[Floats]) -> tuple[dict[str, float], list[Floats]]:
+def _day(
+    columns: Sequence[Columns], left: Sequence[Floats], days: int
+) -> tuple[dict[str, float], list[Floats]]:
     """Return how far friction, offset, inertia and snap are off on days left out, and what those do not take up."""
     size = rms(np.concatenate([c["u"] for c in columns]))
     numbers, rest = [], []
@@ -167,7 +174,7 @@ def _day(columns: Sequence[Columns], left: Sequence[Floats]) -> tuple[dict[str, 
         numbers.append(b)
         rest.append(y - X @ b)
     dry, viscous, offset, inertia, snap = np.mean(np.square(numbers), axis=0)
-    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, len(columns)
+    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, days if days >= 3 else 0
 
     def mixed(seen: float, name: str) -> float:
         p = prior[name]

@@ -97,6 +97,13 @@ class Asked:
             errors=error,
         )
 
+    def error(self, cause: str, axis: str) -> float | None:
+        """Return the standard error of the number of a cause beside a healthy day; None where it does not act."""
+        axes = self.r.axes if cause in self.tried.wide else (axis,)
+        keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
+        use = [(self.cells[a][e], self.cells[a][e].at[cause]) for a, e in keys]
+        return float(score(use, 1).error[0]) if use and len(use[0][1]) == 1 else None
+
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
         """Return the equations that a cause, or what was found, acts on."""
         found = [f"found:{n}" for n in range(len(self.found))]
