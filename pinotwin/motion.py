@@ -1,8 +1,4 @@
-"""A log made ready for a machine: SI, the model's joint order, every channel filtered the same way.
-
-Holding a ``Motion`` is the proof that this has been done; the functions that need it ask for the type.
-Columns of the arrays follow the velocity order of ``machine.model`` (``names`` gives the joints).
-"""
+"""A log made ready for a machine: SI, the velocity order of ``machine.model``, all channels filtered the same way."""
 
 from __future__ import annotations
 
@@ -24,29 +20,17 @@ CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", 
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """The motion of one joint; arrays of shape (n,), SI.
+    """The motion of one joint; arrays of shape (n,), SI."""
 
-    Attributes:
-        name: axis name.
-        index: column of the axis in the machine's arrays.
-        rotary: True for rad, False for m.
-        t: time [s].
-        q: position [m or rad].
-        v: velocity [m/s or rad/s].
-        a: acceleration [m/s² or rad/s²].
-        segments: stretches of unbroken, uniform sampling.
-        step: sampling interval [s].
-    """
-
-    name: str
-    index: int
-    rotary: bool
-    t: Floats
-    q: Floats
-    v: Floats
-    a: Floats
-    segments: tuple[slice, ...]
-    step: float
+    name: str  # of the axis
+    index: int  # column of the axis in the machine's arrays
+    rotary: bool  # True for rad, False for m
+    t: Floats  # time [s]
+    q: Floats  # position [m or rad]
+    v: Floats  # velocity [m/s or rad/s]
+    a: Floats  # acceleration [m/s² or rad/s²]
+    segments: tuple[slice, ...]  # stretches of unbroken, uniform sampling
+    step: float  # sampling interval [s]
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,7 +196,6 @@ class Motion(Card):
         return {name: None if x is None else x[rows] for name, x in every.items()}
 
     def _shown(self) -> Shown:
-        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = []
         for k, name in enumerate(self.names):
             x = "rad" if self.rotary[k] else "m"
@@ -229,8 +212,7 @@ class Motion(Card):
     ) -> Motion:
         """Return what is known without a log as one stretch: nothing is filtered, no effort is measured.
 
-        ``joints`` are names and rotary of the columns, ``t`` is [s], shape (n,), NaN where there is no clock; ``qva``
-        are position, velocity and acceleration, shape (n, nv), ``rest`` further attributes.
+        ``joints``: names and rotary of the columns; ``t`` [s], (n,), NaN without a clock; ``qva``, ``rest``: (n, nv).
         """
         q, v, a = qva
         names, rotary = joints

@@ -48,8 +48,6 @@ _SERVO, _OTHER = "servo", "other"
 
 @dataclass
 class _Topic:
-    """What one topic held."""
-
     kind: str  # whether it goes on the clock of the joints
     table: Table  # its numbers
     # time of each message's header [ns]; 0 where it is not set

@@ -1,7 +1,6 @@
 """CSV and other tables in text, fast through Arrow, cell by cell only where that is refused.
 
-A column whose cells are mostly words is text and is left out with a note; a word in a column of
-numbers is an error that names line, column and cell.
+Columns of words are left out with a note; a word among numbers is an error that names line, column and cell.
 """
 
 from __future__ import annotations
