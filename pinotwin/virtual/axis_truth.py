@@ -76,11 +76,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class Harmonic:
-    """One ripple: ``amplitude (1 + m |sin(q + m_phase)|) sin(2 pi q/period + phase)``.
-
-    ``speed`` > 0 makes the amplitude grow as ``|v| / speed``; ``rate`` > 0 replaces position by
-    time.
-    """
+    """One ripple: ``amplitude (1 + m |sin(q + m_phase)|) sin(2 pi q/period + phase)``."""
 
     amplitude: float  # [N or N·m]
     period: float = 1.0  # [m or rad]

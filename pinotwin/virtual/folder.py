@@ -30,11 +30,7 @@ class Folder:
 
 
 def read_folder(path: Path | str) -> Folder:
-    """Return the contents of a machine folder (or of the folder of a ``machine.yaml``).
-
-    Raises:
-        MachineError: a file is missing or cannot be used.
-    """
+    """Return the contents of a machine folder (or that of a ``machine.yaml``); MachineError for a missing file."""
     path = Path(path)
     file = path / "machine.yaml" if path.is_dir() else path
     if not file.is_file():
@@ -59,7 +55,6 @@ def read_folder(path: Path | str) -> Folder:
 
 
 def _specs(raw: Any, file: Path) -> dict[str, Mapping[str, Any]]:
-    """Return name -> keys of axes or passive joints."""
     raw = {} if raw is None else raw
     if not isinstance(raw, Mapping) or not all(isinstance(x, Mapping | None) for x in raw.values()):
         raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")

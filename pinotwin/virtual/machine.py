@@ -59,16 +59,10 @@ class VirtualMachine:
         withhold: Sequence[str] = (),
         inject: Sequence[Injection] = (),
     ) -> VirtualMachine:
-        """Return the virtual machine of a folder (``machine.yaml``, URDF, ``virtual.yaml`` if any).
+        """Return the virtual machine of a folder, or of its ``machine.yaml``.
 
-        Args:
-            folder: machine folder or its ``machine.yaml``.
-            withhold: effects to leave out of the truth: ``"stribeck"``, ``"stribeck:Y"``.
-            inject: effects to add: ``"backlash:Y=0.1"`` or
-                ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``.
-
-        Raises:
-            MachineError: a file is missing, or a value in it is one that no machine can have.
+        ``withhold``: effects to leave out, ``"stribeck:Y"``; ``inject``: to add, ``"backlash:Y=0.1"`` or
+        ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``. MachineError for impossible values.
         """
         try:
             return cls.build(read_folder(folder), withhold=withhold, inject=inject)

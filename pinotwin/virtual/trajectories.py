@@ -58,18 +58,14 @@ def random_trajectory(
     synchronised: float = 0.5,
     dwell: tuple[float, float] = (0.05, 0.4),
 ) -> Trajectory:
-    """Return random simultaneous point-to-point moves, as in a drilling cycle.
-
-    Each step moves a random subset of the axes to random targets, then dwells (drilling). In a
-    share ``synchronised`` of the steps all axes arrive together, else each moves as fast as it
-    can.
+    """Return random simultaneous point-to-point moves of random axes, each then with a dwell, as in a drilling cycle.
 
     Args:
         machine: whose axes and limits.
         seconds: length [s].
         seed: of the moves.
         limits: other limits for some axes.
-        synchronised: share of steps with a common arrival [-].
+        synchronised: share of steps in which all axes arrive together [-]; else each moves as fast as it can.
         dwell: shortest and longest dwell [s].
     """
     rng = np.random.default_rng(seed)

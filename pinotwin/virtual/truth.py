@@ -1,8 +1,6 @@
-"""The sealed truth of a virtual machine: what ``virtual.yaml`` may say, as frozen dataclasses.
+"""The sealed truth of a virtual machine: what ``virtual.yaml`` may say, SI unless the field says otherwise.
 
-Everything is SI unless the field says otherwise. A value left at ``None`` is filled in by a rule
-from the machine's inertia and limits (:mod:`pinotwin.virtual.defaults`), so any machine folder
-can run. The identification side never reads this file.
+``None`` is filled in by a rule (:mod:`pinotwin.virtual.defaults`). The identification side never reads this file.
 """
 
 from __future__ import annotations
