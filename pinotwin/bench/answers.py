@@ -12,8 +12,7 @@ from pinotwin.bench.catalogue import EXACT
 from pinotwin.bench.produce import Produced
 from pinotwin.diagnosis import Diagnosis
 
-Key = tuple[str, str | None]
-"""Effect and axis."""
+Key = tuple[str, str | None]  # effect and axis
 FLAGS = ("unexplained", "partly_explained")
 """Verdicts that say: there is something that the catalogue does not know."""
 

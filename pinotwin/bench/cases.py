@@ -65,11 +65,7 @@ def draw_cases(
     situations: Sequence[str] = ("structure", "change"),
     seed: int = 0,
 ) -> list[Case]:
-    """Return the cases of a bench, one round after the other.
-
-    Every round holds each effect once per situation, so that a bench that is cut short is a smaller
-    bench, not a lopsided one. Machines take turns, axes are drawn at random, sizes log-uniformly.
-    """
+    """Return the cases of a bench; every round has each effect once per situation, so that a short bench is even."""
     rng = np.random.default_rng([seed, 7])
     out: list[Case] = []
     turns = (machines[k] for _ in count() for k in rng.permutation(len(machines)))
@@ -95,7 +91,6 @@ def some(cases: Sequence[Case], count: int | None) -> list[Case]:
 
 
 def _round(situation: str, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield (kind, effects) of one round of one situation."""
     pool = STRUCTURE if situation == "structure" else CHANGE
     yield from [("healthy", ())] * (HEALTHY_CASES // 2)
     yield from (("single", (name,)) for name in pool)

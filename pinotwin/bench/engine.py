@@ -1,8 +1,7 @@
 """One function over many items in many processes: a dead worker costs a retry, no answer.
 
-Every process is an executor of its own, so that one that dies accuses the item it worked on and no other. All of
-them hold the reading end of a pipe whose other end is this process's: it closes when the work is over or this
-process is killed, and they end.
+Each process is an executor of its own, so that one that dies accuses its item alone. All hold a pipe from this
+process: when it closes, they end.
 """
 
 from __future__ import annotations
