@@ -2,15 +2,10 @@
 
     t_ref = (1 + skew) t_imu + offset
 
-The magnitude of the angular velocity is the same in every frame, so it needs no mounting (thesis
-Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes. Fine: Gauss-Newton on
-
-    y(t) = A r(t_ref(t)) + b + noise
-
-in offset, skew, A and b, both signals low-passed alike so that structural vibration stays out.
-With rates as vectors A is a full 3x3 matrix (mounting, scale factors); with magnitudes it is a
-number. A sensor's low-pass delays what it reports; its group delay is an input (``delay``). A
-clock that jumps back was restarted: each stretch has its own offset, all share the skew.
+Coarse: normalised cross-correlation of the rates' magnitudes, the same in every frame (thesis Section 6.4.1). Fine:
+Gauss-Newton in offset, skew, A and b on ``y(t) = A r(t_ref(t)) + b + noise``, both low-passed alike; A is 3x3
+(mounting, scale factors), of magnitudes a number. ``delay`` is the group delay of a sensor's low-pass. A clock that
+jumps back was restarted: each stretch has its own offset, all share the skew.
 """
 
 from __future__ import annotations
@@ -96,17 +91,10 @@ def sync(
     rate_imu: Floats,
     settings: SyncSettings | None = None,
 ) -> ClockFit:
-    """Return the relation of two clocks from angular rates that both saw.
+    """Return the relation of two clocks from angular rates that both saw; DataError if they show none.
 
-    Args:
-        t_ref: reference clock, uniform [s], (n,).
-        rate_ref: angular velocity in a frame of the link, (n, 3), or its magnitude, (n,) [rad/s].
-        t_imu: the sensor's stamps [s], (m,); samples may be missing.
-        rate_imu: the gyro's reading, (m, 3), or its magnitude, (m,) [rad/s].
-        settings: delays and priors.
-
-    Raises:
-        DataError: nothing rotates, or the two do not show the same motion.
+    ``t_ref`` [s], (n,), is uniform, ``rate_ref`` [rad/s], (n, 3), in a frame of the link; ``t_imu`` [s], (m,), may lack
+    samples, ``rate_imu`` [rad/s], (m, 3), is the gyro's reading; of both rates the magnitudes will do.
     """
     s = SyncSettings() if settings is None else settings
     t_ref, r, t_imu, y = _checked(t_ref, rate_ref, t_imu, rate_imu, s)

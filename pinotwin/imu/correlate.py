@@ -1,8 +1,4 @@
-"""Coarse alignment of two magnitudes: masked normalised cross-correlation.
-
-At every lag the correlation coefficient over the overlap alone (Padfield 2012,
-DOI 10.1109/TIP.2011.2181402, in one dimension), by FFT.
-"""
+"""Masked normalised cross-correlation over the overlap (Padfield 2012, DOI 10.1109/TIP.2011.2181402), by FFT."""
 
 from __future__ import annotations
 

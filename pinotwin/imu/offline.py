@@ -1,17 +1,12 @@
 """Orientation of a sensor whose place stays bounded: a smoother over the whole record.
 
-A low-passed accelerometer shows the vertical because a body that stays in the room cannot keep
-accelerating (VQF low-passes it with 3 s: Laidig and Seel 2023, DOI 10.1016/j.inffus.2022.10.014).
-That is the second integral of the acceleration being bounded, and saying so outright uses far more
-of it: a tilt error e shows as a position error g e T²/2, 8.6 m for 1 deg over 10 s. The states are
-
-    orientation error e (earth frame), velocity, position, gyro bias, gyro matrix (scale,
-    non-orthogonality), accelerometer bias, deviation of g
+A body that stays in the room cannot keep accelerating (VQF low-passes with 3 s: Laidig and Seel 2023, DOI
+10.1016/j.inffus.2022.10.014): a tilt error e is a position error g e T²/2, 8.6 m for 1 deg over 10 s. States: error e
+(earth frame), velocity, position, biases of gyro and accelerometer, gyro matrix, deviation of g:
 
     e' = -R (db + dK y)        v' = R f + e x (R f) - R da - dg z        p' = v
 
-with the pseudo-measurements "position 0 +- sigma_p" and "velocity 0 +- sigma_v" of correlation time
-tau. All are smoothed together, in blocks, about a strapdown solution, and relinearised a few times.
+measured: position 0 +- sigma_p, velocity 0 +- sigma_v of correlation time tau; smoothed in blocks, relinearised.
 """
 
 from __future__ import annotations

@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of gravity in the machine frame [m/s²]."""
+GRAVITY = np.array([0.0, 0.0, -9.81])  # acceleration of gravity in the machine frame [m/s²]
 
 
 @dataclass(frozen=True)
