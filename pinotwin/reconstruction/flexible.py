@@ -1,8 +1,7 @@
 """The flexible plant from servo logs and reconstructed vibrations (thesis Section 7.2).
 
-:func:`pinotwin.identify` does the work once the logs carry the vibration; here the two are joined,
-and the spring's intervals are widened by the reconstruction's own uncertainty of the mode. They hold the scatter
-of the data only: how far a friction law or a joint that is no linear spring moves them stands in docs/vibration.md.
+The spring's intervals are widened by the reconstruction's own uncertainty of the mode; what a friction law or a joint
+that is no linear spring adds to them stands in docs/vibration.md.
 """
 
 from __future__ import annotations

@@ -15,21 +15,16 @@ from pinotwin.machine import Machine
 
 @dataclass(frozen=True)
 class Settings:
-    """How to reconstruct.
+    """How to reconstruct."""
 
-    Attributes:
-        joint: passive joint; may be left out where the machine has one.
-        links: link that carries each IMU; from machine.yaml where left out.
-        imu_cutoff: corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong
-            corner only shifts the clock offset: the delays add up.
-        servo_cutoff: corner of the zero-phase low-pass on the encoders [Hz].
-        delay_tolerance: relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error.
-    """
-
-    joint: str | None = None
+    joint: str | None = None  # passive joint; may be left out where the machine has one
+    # link that carries each IMU; from machine.yaml where left out
     links: tuple[str | None, ...] = (None, None)
+    # corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong corner only shifts the
+    # clock offset: the delays add up
     imu_cutoff: float = 140.0
-    servo_cutoff: float = 100.0
+    servo_cutoff: float = 100.0  # corner of the zero-phase low-pass on the encoders [Hz]
+    # relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error
     delay_tolerance: float = 2e-3
 
 
