@@ -211,7 +211,6 @@ class Machine(Card):
         return q
 
     def _shown(self) -> Shown:
-        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = [
             (a.name, a.joint, "rotary" if a.rotary else "linear", ", ".join(e.title for e in a.effects))
             for a in self.axes.values()
