@@ -1,8 +1,6 @@
-"""Mass matrix and bias effort of one sample, callable from compiled loops.
+"""Mass matrix and bias effort of one sample, callable from compiled loops, which Pinocchio is not.
 
-Pinocchio cannot be called from a compiled loop, and a call from Python costs more than the step itself;
-see docs/architecture.md for the figures. The test of :mod:`pinotwin.dynamics.tape` holds the result
-equal to Pinocchio's.
+A call from Python costs more than the step itself (docs/architecture.md); tests hold the result equal to Pinocchio's.
 """
 
 from __future__ import annotations
@@ -29,11 +27,7 @@ inlined = compiled(nogil=True, inline="always")
 
 
 def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a compiled function that takes named tuples, as Python calls it: in 4 microseconds instead of 200.
-
-    numba knows the type of a named tuple again by a number that dies with the type; where none of them is kept,
-    every call goes the long way round of finding a compiled function (numba 0.68).
-    """
+    """Return a function for named tuples from Python: 4 µs, not 200, as numba 0.68 forgets a type not kept."""
     kept: list[Any] = []
 
     @wraps(kernel)
