@@ -1,7 +1,6 @@
 """What a twin's effort consists of, free of pinotwin's classes: a tree, matrices, curves and memory.
 
-Every effect comes here through the tables of :mod:`pinotwin.simulation.tables`, whatever its class; an
-effect that no table can hold is in ``omitted``, for a file must say what it leaves out.
+Effects come through :mod:`pinotwin.simulation.tables`; what no table can hold is in ``omitted``, for files to say.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ from pinotwin.twin import Twin
 
 TOLERANCE = 5e-4
 """Largest error of a curve, as a share of its largest value: a tenth of what a drive's effort repeats to."""
-_UNBOUNDED = 1e3
-"""A limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF."""
+_UNBOUNDED = 1e3  # a limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF
 _TURNS = 4.0 * np.pi
 _SLIDE = 1.0
 _FAST = (2.0, 20.0)
@@ -50,10 +48,7 @@ class Inverse:
 
 
 def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = None) -> Inverse:
-    """Return the inverse model of a twin for positions (2, nv) [m or rad] and speeds (nv,) [m/s or rad/s].
-
-    The joints' limits are taken where None.
-    """
+    """Return the inverse model for positions (2, nv) [m or rad] and speeds (nv,) [m/s or rad/s]; limits where None."""
     machine = twin.machine
     travel = default_travel(machine) if travel is None else travel
     speed = default_speed(machine) if speed is None else speed
