@@ -35,14 +35,12 @@ class Bounds:
     position: float = 0.5  # how far the sensor strays from its mean place [m]
     velocity: float = 1.0  # how fast it moves [m/s]
     tau: float = 1.0  # correlation time of both [s]
-    # density of the gyro's noise, with an allowance for unmodelled errors [rad/s/sqrt(Hz)]
-    gyro_noise: float = 5e-4
+    gyro_noise: float = 5e-4  # density of noise and unmodelled errors [rad/s/sqrt(Hz)]
     accel_noise: float = 0.02  # likewise of the accelerometer [m/s²/sqrt(Hz)]
     bias: float = 0.02  # first gyro bias [rad/s]
     bias_walk: float = 2e-4  # its random walk [rad/s/sqrt(s)]
     gyro_matrix: float = 3e-3  # scale and misalignment of the gyro [-]
-    # accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless the sensor turns
-    accel_bias: float = 5e-3
+    accel_bias: float = 5e-3  # [m/s²]; small: only a sensor that turns tells it from a tilt
     g: float = 9.81  # gravity [m/s²]
     gravity: float = 0.05  # its deviation
     block: float = 0.03  # length of the blocks that the smoother steps over [s]

@@ -100,13 +100,7 @@ class BatchResult:
 
 
 def run_result(
-    m: RunModel,
-    theta: Floats,
-    cov: Floats,
-    lay: Layout,
-    clock: ClockFit,
-    left: Remainder,
-    p: Priors,
+    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder, p: Priors
 ) -> RunResult:
     """Return one run's result from its parameters, their covariance and the remainder."""
     rows = slice(None, None, m.fine.factor)
