@@ -39,11 +39,7 @@ def identify_flexible(
     vibrations: Vibration | Log | Sequence[Vibration | Log],
     **options: Any,
 ) -> Flexible:
-    """Identify a machine with the vibration of its passive joint; options are those of :func:`pinotwin.identify`.
-
-    Raises:
-        DataError: logs and vibrations do not come in pairs.
-    """
+    """Identify with the vibration of the passive joint; options of :func:`pinotwin.identify`, DataError if no pairs."""
     several = [logs] if isinstance(logs, Log) else list(logs)
     given: list[Vibration | Log]
     given = [vibrations] if isinstance(vibrations, Vibration | Log) else list(vibrations)

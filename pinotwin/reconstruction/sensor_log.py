@@ -13,7 +13,7 @@ CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
 
 
 def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (5.0, 30.0)) -> ImuRun:
-    """Return the readings of an IMU's log in SI, complete rows only; none turns faster than ``fastest`` [rad/s]."""
+    """Return an IMU's log in SI, complete rows only; above ``fastest`` [rad/s], 4000 deg/s, its unit is wrong."""
     for name in ("t", *CHANNELS):
         if name not in log:
             raise LogError(

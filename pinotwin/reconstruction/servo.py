@@ -10,17 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from pinotwin import dynamics
 from pinotwin.arrays import Floats, Ints
 from pinotwin.columns import bind
-from pinotwin.dynamics import (
-    frame_acceleration,
-    frame_rotation,
-    frame_velocity,
-    inverse,
-    jacobian,
-    mass_matrix,
-    parameters,
-)
 from pinotwin.errors import DataError
 from pinotwin.imu.runs import ServoRun
 from pinotwin.log import Log
@@ -106,13 +98,13 @@ def _uniform(t: Floats, q: Floats, step: float, cutoff: float) -> Joints:
 def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoRun:
     """Return what encoders and kinematics say of a link, the passive joint undeflected."""
     model, index = machine.model, machine.passive[joint].index
-    twist = frame_velocity(model, link, motion.q, motion.v)
-    acceleration = frame_acceleration(model, link, motion.q, motion.v, motion.a)
-    column = jacobian(model, link, motion.q)[:, :, index]
+    twist = dynamics.frame_velocity(model, link, motion.q, motion.v)
+    acceleration = dynamics.frame_acceleration(model, link, motion.q, motion.v, motion.a)
+    column = dynamics.jacobian(model, link, motion.q)[:, :, index]
     axis = column[:, 3:]
     return ServoRun(
         t=motion.t,
-        R=frame_rotation(model, link, motion.q),
+        R=dynamics.frame_rotation(model, link, motion.q),
         w=twist[:, 3:],
         a=acceleration[:, :3],
         axis=axis,
@@ -127,7 +119,7 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
     CAD inertias are 10 to 20 % off, so each column has its own gain, which its dynamic part fixes, and so the sag.
     """
     index = machine.passive[joint].index
-    beta = machine.base.from_standard(parameters(machine.model))
+    beta = machine.base.from_standard(dynamics.parameters(machine.model))
     row = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
     columns = -row * beta
     size = np.std(columns, axis=0)
@@ -142,10 +134,10 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
 
 def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:
     """Return minus the change of rigid-body torque by ``delta``, (n, 3), without what the mode has already, (n,)."""
-    j = machine.passive[joint].index
+    j, model = machine.passive[joint].index, machine.model
     moved = [x.copy() for x in (motion.q, motion.v, motion.a)]
     for x, column in zip(moved, delta.T, strict=True):
         x[:, j] += column
-    torque = inverse(machine.model, *moved) - inverse(machine.model, motion.q, motion.v, motion.a)
-    mean = float(np.mean(mass_matrix(machine.model, motion.q[::20])[:, j, j]))
+    torque = dynamics.inverse(model, *moved) - dynamics.inverse(model, motion.q, motion.v, motion.a)
+    mean = float(np.mean(dynamics.mass_matrix(model, motion.q[::20])[:, j, j]))
     return mean * delta[:, 2] - torque[:, j]
