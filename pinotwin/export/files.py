@@ -50,12 +50,7 @@ class Export(Card):
 
 
 def export_twin(
-    twin: TwinLike,
-    format: str,
-    out: str | Path,
-    *,
-    travel: Floats | None = None,
-    speed: Floats | None = None,
+    twin: TwinLike, format: str, out: str | Path, *, travel: Floats | None = None, speed: Floats | None = None
 ) -> Export:
     """Write a twin for other tools and return what was written.
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinotwin.analysis.disturbance import linear_terms
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.effects import total_effort
-from pinotwin.errors import MachineError
 from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
 from pinotwin.machine import Machine
@@ -89,21 +88,6 @@ def default_speed(machine: Machine) -> Floats:
     limit = np.asarray(machine.model.velocityLimit, dtype=float)
     usual = np.where(machine.rotary, _FAST[1], _FAST[0])
     return np.where((limit > 0.0) & (limit < _UNBOUNDED), 1.2 * limit, usual)
-
-
-def joint_axis(model: pin.Model, i: int) -> tuple[bool, Floats]:
-    """Return whether joint i turns, and its axis in its own frame, shape (3,); refuse a joint of another kind."""
-    joint = model.joints[i]
-    if joint.nq == 1 and joint.nv == 1:
-        frame = joint.createData()
-        joint.calc(frame, np.zeros(1))
-        S = np.asarray(frame.S).reshape(6)
-        slides, turns = np.linalg.norm(S[:3]), np.linalg.norm(S[3:])
-        if min(slides, turns) == 0.0 and abs(slides + turns - 1.0) < 1e-12:
-            return bool(turns), S[3:] if turns else S[:3]
-    raise MachineError(
-        f"joint {model.names[i]!r} neither turns about nor slides along one axis; it cannot be exported"
-    )
 
 
 def _tree(twin: Twin) -> dict[str, Any]:
