@@ -23,12 +23,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import regressor
-from pinotwin.dynamics.parameters import (
-    body_count,
-    parameter_count,
-    parameter_names,
-    parameter_units,
-)
+from pinotwin.dynamics.parameters import body_count, parameter_count, parameter_names, parameter_units
 
 # Order within a body: tensor (Iyy before Ixx, so that sums read Iyy - Ixx), first moments, mass.
 _BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
@@ -39,8 +34,7 @@ class BaseParameters:
     """Which sums of standard parameters the joint efforts depend on."""
 
     P: Floats  # beta = P @ pi, shape (b, p); exactly 1 and 0 in the independent columns
-    # indices into ``pi``, joint by joint: W[:, :, independent] @ beta == W @ pi, shape (b,)
-    independent: Ints
+    independent: Ints  # indices into ``pi``: W[:, :, independent] @ beta == W @ pi, shape (b,)
     names: tuple[str, ...]  # every base parameter written out, e.g. ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``
     labels: tuple[str, ...]  # a short unique name each, e.g. ``Iyy_B*``; the star marks a sum
     units: tuple[str, ...]  # SI unit of each

@@ -11,7 +11,7 @@ from pinotwin.dynamics.pseudoinertia import dynamic_parameters, pseudo_inertia
 
 
 def plausible(model: pin.Model, acting: Mask) -> tuple[Floats, Mask]:
-    """Return standard parameters of which every body in ``acting`` (shape (k,): of some effort) can exist; dummies.
+    """Return standard parameters, shape (p,), with which all ``acting`` bodies can exist, and which are dummies.
 
     Dummies have no mass, a negative or a huge moment of inertia, or all are alike or of 1 kg: a rod takes their place.
     """

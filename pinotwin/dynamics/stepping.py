@@ -14,20 +14,15 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.system.kernels import compiled
 
-leaf = compiled(nogil=True, _nrt=False)
-"""Compiles a function that allocates nothing, without reference counting.
-
-numba counts references of every array that it takes out of a tuple, some hundred per step: three times the cost of
-the arithmetic. ``_nrt=False`` leaves it out; the option is numba's own and may go some day. Other threads run
-meanwhile: axes are searched side by side.
-"""
+leaf = compiled(nogil=True, _nrt=False)  # axes are searched side by side
+"""Compiles what allocates nothing: numba's own ``_nrt=False`` spares references, three times the arithmetic's cost."""
 
 inlined = compiled(nogil=True, inline="always")
 """Compiles a function into those that call it: arrays in tuples cost a call more than most steps do."""
 
 
 def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function for named tuples from Python: 4 µs, not 200, as numba 0.68 forgets a type not kept."""
+    """Return a function for named tuples from Python: 4 µs, not 200, for numba 0.68 forgets their types otherwise."""
     kept: list[Any] = []
 
     @wraps(kernel)

@@ -31,8 +31,7 @@ class Tape:
     ops: Ints  # a, b, c of every operation, shape (k, 3)
     sign: Floats  # s of every operation, shape (k,)
     revolute: Ints  # joints whose cosine and sine are needed, shape (r,)
-    # row, column (row <= column) and place in t of the entries of M that are not zero, shape (., 3)
-    mass: Ints
+    mass: Ints  # row, column (row <= column), place in t of the entries of M that are not zero, (., 3)
     bias: Ints  # joint and place in t of the entries of h that are not zero, shape (., 2)
 
     @property
