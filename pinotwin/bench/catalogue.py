@@ -42,11 +42,7 @@ CHANGE_SIZES: dict[str, tuple[float, float]] = {"presliding": (0.004, 0.1)}
 OUTSIDE = ("ripple_speed", "coulomb_position", "mains", "chatter")
 """Effects that no catalogue entry describes."""
 
-FORMS: dict[str, str] = {
-    "gms": "presliding",
-    "ripple_triangle": "ripple",
-    "loop_delay": "delay",
-}
+FORMS: dict[str, str] = {"gms": "presliding", "ripple_triangle": "ripple", "loop_delay": "delay"}
 """Right effect in another functional form than the catalogue's -> the name that is right."""
 
 AFTERWARDS = ("payload", "inertial_coupling", "effort_scale", "feedforward")

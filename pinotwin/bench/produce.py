@@ -125,7 +125,7 @@ def _size(
 
 
 def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Path:
-    """Identify the healthy twin of a machine and a seed on two logs, if it is not there, without loops: its folder."""
+    """Return the folder of the healthy twin of a machine and a seed, identified on two logs if it is not there."""
     from pinotwin.identification import identify
 
     machine, seed = pair
@@ -135,7 +135,7 @@ def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Pat
         seeds = [10 * seed + k for k in range(2)]
         logs = [well.record(path_of(machine, seconds, 1000 + k), seed=500 + k).to_log() for k in seeds]
         public = public_machine(machine)
-        identify(public, logs, loop=False).save(target)
+        identify(public, logs, loop=False).save(target)  # simulating its error takes most of a case's time
     return target
 
 
