@@ -23,8 +23,7 @@ class Folder:
     axes: Mapping[str, str]  # axis name -> joint name
     passive: Mapping[str, str]  # passive name -> joint name
     truth: Truth  # the sealed truth
-    # axis -> nominal reflected rotor inertia [kg or kg·m²]
-    rotors: Mapping[str, float] = field(default_factory=dict)
+    rotors: Mapping[str, float] = field(default_factory=dict)  # axis -> reflected rotor inertia [kg, kg·m²]
     limits: Mapping[str, float] = field(default_factory=dict)  # axis -> effort limit of the drive [N or N·m]
     gravity: tuple[float, ...] | None = None  # in the axes of the URDF's root [m/s²]; the usual one when None
 

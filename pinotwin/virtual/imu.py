@@ -60,12 +60,7 @@ def channels(reading: ImuReading) -> Mapping[str, Floats]:
 
 
 def record_imu(
-    truth: SealedTruth,
-    link: str,
-    machine_seed: int,
-    run_seed: int,
-    number: int = 1,
-    **clock: object,
+    truth: SealedTruth, link: str, machine_seed: int, run_seed: int, number: int = 1, **clock: object
 ) -> Log:
     """Return the log of a virtual IMU on a link of a virtual machine.
 

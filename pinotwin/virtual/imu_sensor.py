@@ -35,8 +35,7 @@ def _zeros() -> Floats:
 class Triad:
     """Errors of three sensing axes; SI (rad/s for a gyro, m/s² for an accelerometer)."""
 
-    # RMS of the noise at the output, after the low-pass, per axis
-    noise: Floats = field(default_factory=_zeros)
+    noise: Floats = field(default_factory=_zeros)  # RMS at the output, after the low-pass, per axis
     bias: Floats = field(default_factory=_zeros)  # constant bias, per axis
     bias_walk: float = 0.0  # random walk of the bias [unit/sqrt(s)]
     scale: Floats = field(default_factory=_zeros)  # scale-factor deviations, per axis [-]
@@ -98,11 +97,9 @@ class ImuSensor:
     gyro: Triad = field(default_factory=Triad)  # errors of the gyroscope
     accel: Triad = field(default_factory=Triad)  # errors of the accelerometer
     clock: SensorClock = field(default_factory=SensorClock)  # the sensor's own clock
-    # sensor axes in the link frame (columns), (3, 3)
-    mounting: Floats = field(default_factory=lambda: np.eye(3))
+    mounting: Floats = field(default_factory=lambda: np.eye(3))  # sensor axes in the link frame, columns
     position: Floats = field(default_factory=_zeros)  # place of the sensor in the link frame [m], (3,)
-    # acceleration of gravity in the world [m/s²], (3,); a tilted foundation turns it
-    gravity: Floats = field(default_factory=lambda: GRAVITY)
+    gravity: Floats = field(default_factory=lambda: GRAVITY)  # in the world [m/s²], (3,)
 
     def inputs(self, motion: LinkMotion) -> tuple[Floats, Floats]:
         """Return the true rate and specific force in sensor axes, shapes (n, 3)."""

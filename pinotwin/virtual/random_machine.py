@@ -1,4 +1,4 @@
-"""Machines of random kinematics, written as a machine folder: no bench that code was tuned on measures it.
+"""Machines of random kinematics, written as a machine folder: on known ones a bench measures what code remembers.
 
 Tree, axes, bodies, friction, controllers and rates come from one seed. ``machine.yaml`` lists what the truth holds.
 """

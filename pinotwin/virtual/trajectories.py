@@ -149,10 +149,7 @@ def slow_reversals(
 
 
 def constant_speeds(
-    machine: HasLimits,
-    axis: str,
-    *,
-    shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8),
+    machine: HasLimits, axis: str, *, shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 ) -> Trajectory:
     """Return runs of one axis at constant speeds, shares of its limit [-]: viscous, Stribeck, drag."""
     low, high = _travel(machine.limits[axis])
