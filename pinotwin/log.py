@@ -127,13 +127,7 @@ class Log(Card):
 
     @classmethod
     def from_arrays(
-        cls,
-        t: Any,
-        q: Any,
-        *,
-        axes: Sequence[str] = (),
-        source: str = "arrays",
-        **channels: Any,
+        cls, t: Any, q: Any, *, axes: Sequence[str] = (), source: str = "arrays", **channels: Any
     ) -> Log:
         """Return arrays of all axes as a log in the names of the contract, SI.
 
@@ -173,11 +167,7 @@ class Log(Card):
         return cls(out, source=source)
 
     def to_pandas(self) -> Any:
-        """Return the channels as a pandas DataFrame; units and notes in its ``attrs``.
-
-        Raises:
-            InputError: pandas is not installed.
-        """
+        """Return a pandas DataFrame; units and notes in its ``attrs``. InputError if pandas is not installed."""
         pandas = require_pandas()
         table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
         table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}

@@ -95,11 +95,7 @@ class Motion(Card):
         return len(self.t)
 
     def index(self, name: str) -> int:
-        """Return the column of a joint.
-
-        Raises:
-            DataError: there is no such joint.
-        """
+        """Return the column of a joint; DataError if there is none of that name."""
         try:
             return self.names.index(name)
         except ValueError:
@@ -146,11 +142,9 @@ class Motion(Card):
         return self.inside & self.use[:, joint] & np.isfinite(self.u[:, joint])
 
     def passed(self, x: Floats) -> Floats:
-        """Return columns (n, k) after the low-pass that the effort went through.
+        """Return columns (n, k) after the low-pass that the effort went through (*parallel filter*, Gautier 1997).
 
-        What is a function of filtered positions is as smooth as they are, but a friction that turns round
-        within a sample is not: compared with a filtered effort it reads too small, and the rest of it as
-        viscous (*parallel filter*, Gautier 1997).
+        A friction that turns round within a sample, beside a filtered effort, reads too small, its rest as viscous.
         """
         if not np.isfinite(self.passband):
             return x
@@ -179,12 +173,7 @@ class Motion(Card):
         )
 
     def at(self, rows: Ints, block: Ints) -> Self:
-        """Return some rows as a motion of their own; nothing is filtered here.
-
-        Args:
-            rows: ascending, evenly spaced within each block, shape (m,).
-            block: number of the unbroken stretch that each of them belongs to, shape (m,).
-        """
+        """Return ascending ``rows``, shape (m,), even within each ``block``, (m,), as a motion; nothing is filtered."""
         edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(rows)]
         segments = tuple(slice(a, b) for a, b in pairwise(edges))
         every = int(rows[1] - rows[0]) if len(rows) > 1 else 1

@@ -58,8 +58,7 @@ class Check(Card):
     machine: Machine  # the machine
     findings: tuple[Finding, ...]  # about machine and log, gravest first
     quality: Quality | None = None  # of the log, None without one
-    # what the log can tell of the base parameters, None where it cannot be said
-    excited: Excitation | None = None
+    excited: Excitation | None = None  # what the log can tell of the base parameters; None where unknown
     determined: Mapping[str, bool] = field(default_factory=dict)
 
     @property

@@ -1,7 +1,7 @@
 """Whether the command was recorded late: a controller cannot answer to what has not been commanded yet.
 
-Its effort is linear in error, integral, speed, dry friction and the command's derivatives. That fits best with a
-command from before where the drive delays it, with a later one only where the log has it late; errors of blocks.
+Its effort is linear in error, integral, speed, dry friction and the command's derivatives. It fits best with a later
+command only where the log has that late, by blocks of 1 s that were left out.
 """
 
 from __future__ import annotations

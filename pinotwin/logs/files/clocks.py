@@ -25,8 +25,7 @@ class Group:
 
     clock: str  # name of the clock, for messages
     t: Floats  # its time stamps, shape (n,), NaN where the clock has ended
-    # name -> values, each of shape (n,)
-    channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)  # name -> values, (n,)
 
     def whole(self, source: str) -> Group:
         """Return the group without the rows behind the clock's end."""

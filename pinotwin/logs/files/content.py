@@ -22,9 +22,7 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log, split_unit
 
 SHORT = 64  # longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel
-
 MOST = 400_000_000  # most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours
-
 _FREE, _EXPANSION = 2**29, 100
 """Bytes that the numbers of any file may become as floats, and how many more for each of its own."""
 
@@ -64,11 +62,9 @@ class Content:
     units: dict[str, str] = field(default_factory=dict)  # name -> unit that the file states
     left_out: list[str] = field(default_factory=list)  # names of what is no number (text, cells, references)
     notes: list[str] = field(default_factory=list)  # what the reader noticed
-    # says where a row (counted from 0) is in the file, for messages
-    place: Callable[[int], str] = "row {}".format
+    place: Callable[[int], str] = "row {}".format  # where a row (from 0) is, for messages
     clock: str = ""  # name of the array whose length is the log's; "" leaves it to the majority
-    # name -> name that the file states for this array and others
-    stated: dict[str, str] = field(default_factory=dict)
+    stated: dict[str, str] = field(default_factory=dict)  # name -> name that the file states for several
     parts: dict[str, list[str]] = field(default_factory=dict)  # column of lists -> names of their parts
 
     @property

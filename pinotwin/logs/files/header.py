@@ -52,10 +52,8 @@ class Header:
     names: list[str] = field(default_factory=list)  # of the columns; none where the rows are no header
     units: dict[str, str] = field(default_factory=dict)  # name -> unit
     rows: int = 0  # how many rows it has
-    # clock column -> columns that it stamps, where there are several
-    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    # name -> name that the file states for this column and others
-    stated: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)  # clock column -> its columns
+    stated: dict[str, str] = field(default_factory=dict)  # name -> name that the file states for several
 
 
 def read_header(cells: list[list[str]], start: int, stem: str) -> Header:

@@ -48,8 +48,7 @@ class _Body:
     names: tuple[str, ...]  # names of all columns
     layout: Layout  # the file's layout
     source: str  # the file's name, for messages
-    # line of the file of each row (from 0), where comments or blanks were taken out
-    lines: Ints | None = None
+    lines: Ints | None = None  # line of the file of each row (from 0), where some were taken out
     notes: tuple[str, ...] = ()  # what was taken out
 
     @property

@@ -67,8 +67,7 @@ class AxisQuality:
     high: float  # highest position [m or rad]
     speed: float  # highest speed reached [1/s]
     acceleration: float  # highest acceleration reached [1/s²]
-    # time by which the effort is ahead of the position [s], None where it cannot be told
-    lead: float | None = None
+    lead: float | None = None  # time by which the effort is ahead of the position [s]; None where untold
     lead_error: float | None = None  # standard error of that [s]
 
 
