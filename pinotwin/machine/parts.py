@@ -105,8 +105,7 @@ class LoopShape:
     feedforward_poles: tuple[float, ...] | Literal["search"] | None = field(
         default=None, metadata=from_file(_Feedforward)
     )
-    # ``"exact"``, or ``"source"`` for disturbance numerators without the feed-forward's poles
-    numerators: Literal["exact", "source"] = "exact"
+    numerators: Literal["exact", "source"] = "exact"  # "source": disturbance's without feed-forward poles
     # of the search, by parameter (``p1``, ``wn1``, ``zeta1``, ``pff``) [Hz] or [-]
     bounds: Mapping[str, tuple[float, float]] = field(
         default_factory=dict, metadata=from_file(dict[str, _Ends])
