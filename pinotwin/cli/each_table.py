@@ -54,12 +54,7 @@ class Table:
         """Return the table as JSON has it."""
         rows = [self.rows.get(log) or _without_answer(log, WAITING, None) for log in self.logs]
         counts = dict(Counter(row["verdict"] for row in rows))
-        return {
-            "subject": self.subject,
-            "counts": counts,
-            "kept_of_an_earlier_run": self.kept,
-            "logs": rows,
-        }
+        return {"subject": self.subject, "counts": counts, "kept_of_an_earlier_run": self.kept, "logs": rows}
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         document = self.document()

@@ -82,11 +82,7 @@ def differentiate(x: Floats, step: float, segments: Segments = None) -> Floats:
 
 
 def derivatives(
-    x: Floats,
-    rate: float,
-    cutoff: float = np.inf,
-    order: int = 4,
-    segments: Segments = None,
+    x: Floats, rate: float, cutoff: float = np.inf, order: int = 4, segments: Segments = None
 ) -> tuple[Floats, Floats, Floats]:
     """Return the filtered signal and its first and second derivative, repeated central differences of it."""
     smooth = low_pass(x, rate, cutoff, order, segments)

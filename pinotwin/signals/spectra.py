@@ -33,10 +33,7 @@ class Spectrum:
 
 
 def welch(
-    x: Floats,
-    rate: float,
-    segments: Sequence[slice] | None = None,
-    length: int | None = None,
+    x: Floats, rate: float, segments: Sequence[slice] | None = None, length: int | None = None
 ) -> Spectrum:
     """Return the power spectral density of ``x``, (n,) or (n, k), by Welch's method (Hann, half overlap, no trend).
 

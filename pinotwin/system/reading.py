@@ -1,6 +1,6 @@
 """A value of a YAML file as its type says; anything else is refused with its whole path and what is expected there.
 
-msgspec converts the values; the same types make the JSON Schema that editors check a machine.yaml by.
+msgspec converts the values; the same types make the JSON Schema by which editors check a machine.yaml.
 """
 
 from __future__ import annotations
