@@ -2,17 +2,12 @@
 
     SI = raw * si_factor(unit) * factor + offset
 
-``raw`` is what the file holds, ``unit`` what it is in, ``factor`` what remains: the torque
-constant and gear of a current, a sign. ``factor`` may name a scalar of the file (``factor:
-gtau``), and ``offset`` is in SI. A clock may come from a rate instead of a column (``t: {rate:
-5000}``). A position whose counter starts again after a turn, or overflows, is made one course by
-``wrap``, the range of that counter in the unit of the file (``wrap: 360`` of degrees).
+``factor`` (torque constant times gear, a sign) may name a scalar of the file (``gtau``); ``offset`` is SI. A clock
+may come from a rate (``t: {rate: 5000}``). ``wrap`` is the range of a counter, in the file's unit, that starts again.
 
-The names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz
-mx my mz; IMU ``gx gy gz ax ay az``. Further channels (a feed rate, a program number) may be mapped
-to any name without a dot. A ``column`` is the channel's name as read, the header as the file has
-it (with its unit), or ``"[k]"`` for the one channel that ends so: column k of a file without
-header, whatever its name.
+Names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz mx my mz; IMU ``gx gy
+gz ax ay az``; further ones have no dot. A ``column`` is the channel's name as read, the header as the file has it,
+or ``"[k]"``: column k of a file without header.
 """
 
 from __future__ import annotations
@@ -179,11 +174,7 @@ def _scaled(x: Floats, factor: float, offset: float) -> Floats:
 
 
 def unwrapped(x: Floats, wrap: float) -> tuple[Floats, int]:
-    """Return a position (n,) without the jumps of a counter of the range ``wrap``, and how many there were.
-
-    A change by more than half the range from one sample to the next is taken for a jump; so an axis must turn by less
-    between two samples. Missing values stay missing.
-    """
+    """Return a position (n,) without jumps of more than half the range ``wrap``, and how many there were; NaN stays."""
     good = np.isfinite(x)
     out = x.copy()
     out[good] = np.unwrap(x[good], period=wrap)

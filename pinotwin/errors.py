@@ -1,8 +1,6 @@
-"""Every error that pinotwin raises on purpose.
+"""Every error that pinotwin raises on purpose: one line that names the file, the key, and the remedy.
 
-One root; its children say whose input is at fault. A message is one line that names the file, the
-channel or key, what was found, what was expected, and what to do. The command line prints that line
-and exits with 2; any other exception is a bug and keeps its traceback.
+The command line prints that line and exits with 2; any other exception is a bug and keeps its traceback.
 """
 
 from __future__ import annotations
@@ -10,8 +8,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterable
 
-LONGEST = 480
-"""Letters of a message: names and values that it repeats may come from a file of any kind."""
+LONGEST = 480  # letters of a message: names and values that it repeats may come from a file of any kind
 
 
 class PinotwinError(Exception):
@@ -48,8 +45,7 @@ class TwinError(InputError):
     """A saved twin cannot be used (missing file, other schema, other machine)."""
 
 
-MOST_WORDS = 30
-"""A hint lists all known words up to this many, else the nearest few."""
+MOST_WORDS = 30  # a hint lists all known words up to this many, else the nearest few
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -1,12 +1,7 @@
 """What was recorded: named channels of equal length on one clock, frozen.
 
-A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the
-channels the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``,
-``<axis>.qr``...
-
-A header such as ``Y_ActPos [mm]`` or ``Time (ms)`` becomes the channel ``Y_ActPos`` or ``Time``
-and the unit is kept in ``Log.units``; the numbers stay as the file has them. Only ``bind``
-converts, and it says so in the notes.
+A log as read keeps names, units and numbers of its file: ``Y_ActPos [mm]`` is the channel ``Y_ActPos`` with a unit.
+:func:`pinotwin.columns.bind` alone converts, and says so: ``t``, ``<axis>.q``, ``<axis>.u``, ``<axis>.qr``... in SI.
 """
 
 from __future__ import annotations
@@ -132,13 +127,7 @@ class Log(Card):
 
     @classmethod
     def from_arrays(
-        cls,
-        t: Any,
-        q: Any,
-        *,
-        axes: Sequence[str] = (),
-        source: str = "arrays",
-        **channels: Any,
+        cls, t: Any, q: Any, *, axes: Sequence[str] = (), source: str = "arrays", **channels: Any
     ) -> Log:
         """Return arrays of all axes as a log in the names of the contract, SI.
 
@@ -178,11 +167,7 @@ class Log(Card):
         return cls(out, source=source)
 
     def to_pandas(self) -> Any:
-        """Return the channels as a pandas DataFrame; units and notes in its ``attrs``.
-
-        Raises:
-            InputError: pandas is not installed.
-        """
+        """Return a pandas DataFrame; units and notes in its ``attrs``. InputError if pandas is not installed."""
         pandas = require_pandas()
         table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
         table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}
@@ -223,7 +208,6 @@ class Log(Card):
         return cls(channels, source=source, units=units)
 
     def _shown(self) -> Shown:
-        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = [
             (
                 name,

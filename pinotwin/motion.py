@@ -1,8 +1,4 @@
-"""A log made ready for a machine: SI, the model's joint order, every channel filtered the same way.
-
-Holding a ``Motion`` is the proof that this has been done; the functions that need it ask for the type.
-Columns of the arrays follow the velocity order of ``machine.model`` (``names`` gives the joints).
-"""
+"""A log made ready for a machine: SI, the velocity order of ``machine.model``, all channels filtered the same way."""
 
 from __future__ import annotations
 
@@ -24,29 +20,17 @@ CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", 
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """The motion of one joint; arrays of shape (n,), SI.
+    """The motion of one joint; arrays of shape (n,), SI."""
 
-    Attributes:
-        name: axis name.
-        index: column of the axis in the machine's arrays.
-        rotary: True for rad, False for m.
-        t: time [s].
-        q: position [m or rad].
-        v: velocity [m/s or rad/s].
-        a: acceleration [m/s² or rad/s²].
-        segments: stretches of unbroken, uniform sampling.
-        step: sampling interval [s].
-    """
-
-    name: str
-    index: int
-    rotary: bool
-    t: Floats
-    q: Floats
-    v: Floats
-    a: Floats
-    segments: tuple[slice, ...]
-    step: float
+    name: str  # of the axis
+    index: int  # column of the axis in the machine's arrays
+    rotary: bool  # True for rad, False for m
+    t: Floats  # time [s]
+    q: Floats  # position [m or rad]
+    v: Floats  # velocity [m/s or rad/s]
+    a: Floats  # acceleration [m/s² or rad/s²]
+    segments: tuple[slice, ...]  # stretches of unbroken, uniform sampling
+    step: float  # sampling interval [s]
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,11 +95,7 @@ class Motion(Card):
         return len(self.t)
 
     def index(self, name: str) -> int:
-        """Return the column of a joint.
-
-        Raises:
-            DataError: there is no such joint.
-        """
+        """Return the column of a joint; DataError if there is none of that name."""
         try:
             return self.names.index(name)
         except ValueError:
@@ -162,11 +142,9 @@ class Motion(Card):
         return self.inside & self.use[:, joint] & np.isfinite(self.u[:, joint])
 
     def passed(self, x: Floats) -> Floats:
-        """Return columns (n, k) after the low-pass that the effort went through.
+        """Return columns (n, k) after the low-pass that the effort went through (*parallel filter*, Gautier 1997).
 
-        What is a function of filtered positions is as smooth as they are, but a friction that turns round
-        within a sample is not: compared with a filtered effort it reads too small, and the rest of it as
-        viscous (*parallel filter*, Gautier 1997).
+        A friction that turns round within a sample, beside a filtered effort, reads too small, its rest as viscous.
         """
         if not np.isfinite(self.passband):
             return x
@@ -195,12 +173,7 @@ class Motion(Card):
         )
 
     def at(self, rows: Ints, block: Ints) -> Self:
-        """Return some rows as a motion of their own; nothing is filtered here.
-
-        Args:
-            rows: ascending, evenly spaced within each block, shape (m,).
-            block: number of the unbroken stretch that each of them belongs to, shape (m,).
-        """
+        """Return ascending ``rows``, shape (m,), even within each ``block``, (m,), as a motion; nothing is filtered."""
         edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(rows)]
         segments = tuple(slice(a, b) for a, b in pairwise(edges))
         every = int(rows[1] - rows[0]) if len(rows) > 1 else 1
@@ -212,7 +185,6 @@ class Motion(Card):
         return {name: None if x is None else x[rows] for name, x in every.items()}
 
     def _shown(self) -> Shown:
-        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = []
         for k, name in enumerate(self.names):
             x = "rad" if self.rotary[k] else "m"
@@ -229,8 +201,7 @@ class Motion(Card):
     ) -> Motion:
         """Return what is known without a log as one stretch: nothing is filtered, no effort is measured.
 
-        ``joints`` are names and rotary of the columns, ``t`` is [s], shape (n,), NaN where there is no clock; ``qva``
-        are position, velocity and acceleration, shape (n, nv), ``rest`` further attributes.
+        ``joints``: names and rotary of the columns; ``t`` [s], (n,), NaN without a clock; ``qva``, ``rest``: (n, nv).
         """
         q, v, a = qva
         names, rotary = joints

@@ -29,11 +29,7 @@ class Card(ABC):
 
 
 class Drawn(Card):
-    """A result that also draws itself and writes its page; a notebook shows a still of its figure.
-
-    A result is easier to ask for its picture than a function of another package: the figures themselves are made
-    in :mod:`pinotwin.report.pictures`, which is loaded on first use.
-    """
+    """A result that also draws itself and writes its page, by :mod:`pinotwin.report.pictures`, loaded on first use."""
 
     def plot(self, *given: Any) -> Any:
         """Return the plotly figure of the result.
@@ -74,8 +70,7 @@ def share_cell(x: float | None) -> str:
 
 
 _CELL = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"
-MOST_ROWS = 24
-"""A table longer than this is cut; the cell stays on one screen."""
+MOST_ROWS = 24  # a table longer than this is cut; the cell stays on one screen
 
 
 def card(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str) -> str:

@@ -1,7 +1,4 @@
-"""Conversion of the units that controllers log into SI; used only where data enter or leave.
-
-Inside pinotwin every number is SI: m, rad, s, kg, N, N·m.
-"""
+"""Conversion of the units that controllers log into SI (m, rad, s, kg, N, N·m); only where data enter or leave."""
 
 from __future__ import annotations
 
@@ -37,11 +34,10 @@ _SIZES = (
     (1e-9, "ns nm"),
 )
 
-UNUSED = {
+UNUSED = {  # unit of an effort that is none of the motor's -> what to say of it
     "magnitude": "a magnitude has no sign and is not used; log the signed effort",
     "external": "an external effort holds nothing of the motor's and is not used; log the measured effort",
 }
-"""Unit of an effort that is none of the motor's -> what to say of it."""
 COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse", "pulses")
 """Encoder counts have no size of their own: a column's `factor` must say how large one is."""
 

@@ -12,8 +12,7 @@ from pinotwin.bench.catalogue import EXACT
 from pinotwin.bench.produce import Produced
 from pinotwin.diagnosis import Diagnosis
 
-Key = tuple[str, str | None]
-"""Effect and axis."""
+Key = tuple[str, str | None]  # effect and axis
 FLAGS = ("unexplained", "partly_explained")
 """Verdicts that say: there is something that the catalogue does not know."""
 
@@ -31,14 +30,12 @@ class Answer:
     verdict: str  # verdict, or error
     named: tuple[tuple[str, str | None, float], ...] = ()  # (effect, axis, confidence), best first
     stated: tuple[Key, ...] = ()  # (effect, axis) of the stated 90 % set of the first one
-    # groups that the diagnosis calls inseparable, as axis.effect
-    confusable: tuple[tuple[str, ...], ...] = ()
+    confusable: tuple[tuple[str, ...], ...] = ()  # groups called inseparable, as axis.effect
     # of the first one, or None: delivered share, its 90 % interval, promised share, and the promise's own
     # interval where it has one
     shrink: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)  # stage -> time it took [s]
-    # what the true course of the weakest effect moves, over the least asked for; see bench.oracle
-    oracle: float | None = None
+    oracle: float | None = None  # of the weakest effect, over the least asked for; see bench.oracle
     error: str = ""  # what went wrong, if anything did
 
     @property

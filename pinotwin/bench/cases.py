@@ -10,18 +10,7 @@ from itertools import count
 
 import numpy as np
 
-from pinotwin.bench.catalogue import (
-    CHANGE,
-    CHANGE_SIZES,
-    FORMS,
-    IMITATORS,
-    MANY_AXES,
-    OUTSIDE,
-    ROTARY,
-    SIZES,
-    STRUCTURE,
-    left_out_with,
-)
+from pinotwin.bench import catalogue
 from pinotwin.bench.plants import is_rotary, listing
 
 MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "random:31", "random:32")
@@ -65,11 +54,7 @@ def draw_cases(
     situations: Sequence[str] = ("structure", "change"),
     seed: int = 0,
 ) -> list[Case]:
-    """Return the cases of a bench, one round after the other.
-
-    Every round holds each effect once per situation, so that a bench that is cut short is a smaller
-    bench, not a lopsided one. Machines take turns, axes are drawn at random, sizes log-uniformly.
-    """
+    """Return the cases of a bench; every round has each effect once per situation, so that a short bench is even."""
     rng = np.random.default_rng([seed, 7])
     out: list[Case] = []
     turns = (machines[k] for _ in count() for k in rng.permutation(len(machines)))
@@ -80,7 +65,7 @@ def draw_cases(
             for machine in (next(turns) for _ in range(2 * len(machines))):
                 effects = _placed(rng, machine, situation, names)
                 if effects is not None:
-                    away = left_out_with(effects[0][0]) if kind == "left_out" else ()
+                    away = catalogue.left_out_with(effects[0][0]) if kind == "left_out" else ()
                     seed, twin = int(rng.integers(1 << 30)), int(rng.integers(2))
                     out.append(Case(len(out), machine, situation, kind, effects, seed, away, twin))
                     break
@@ -95,13 +80,12 @@ def some(cases: Sequence[Case], count: int | None) -> list[Case]:
 
 
 def _round(situation: str, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield (kind, effects) of one round of one situation."""
-    pool = STRUCTURE if situation == "structure" else CHANGE
+    pool = catalogue.STRUCTURE if situation == "structure" else catalogue.CHANGE
     yield from [("healthy", ())] * (HEALTHY_CASES // 2)
     yield from (("single", (name,)) for name in pool)
     for _ in range(DOUBLE_CASES // 2):
         yield "double", _two(rng, pool)
-    yield from (("outside", (name,)) for name in OUTSIDE[situation == "change" :: 2])
+    yield from (("outside", (name,)) for name in catalogue.OUTSIDE[situation == "change" :: 2])
     away = rng.choice(np.array(pool), LEFT_OUT_CASES // 2, replace=False)
     yield from (("left_out", (str(name),)) for name in away)
     yield from (("form", (name,)) for name in FORM_CASES[situation])
@@ -111,7 +95,7 @@ def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, str]:
     """Return two effects that do not say the same in other words."""
     while True:
         a, b = (str(x) for x in rng.choice(np.array(pool), 2, replace=False))
-        if not any({a, b} <= group for group in IMITATORS):
+        if not any({a, b} <= group for group in catalogue.IMITATORS):
             return a, b
 
 
@@ -122,10 +106,10 @@ def _placed(
     axes = list(listing(machine))
     out = []
     for name in names:
-        free = [a for a in axes if name not in ROTARY or is_rotary(machine, a)]
-        if not free or (name in MANY_AXES and len(axes) < 2):
+        free = [a for a in axes if name not in catalogue.ROTARY or is_rotary(machine, a)]
+        if not free or (name in catalogue.MANY_AXES and len(axes) < 2):
             return None
-        sizes = CHANGE_SIZES if situation == "change" and name in CHANGE_SIZES else SIZES
+        sizes = catalogue.SIZES | (catalogue.CHANGE_SIZES if situation == "change" else {})
         low, high = np.log(sizes[name])
         out.append((name, str(rng.choice(np.array(free))), float(np.exp(rng.uniform(low, high)))))
     return tuple(out)
@@ -133,4 +117,4 @@ def _placed(
 
 def truth_of(case: Case) -> tuple[tuple[str, str], ...]:
     """Return the right answers: catalogue name and axis of each effect that was put in."""
-    return tuple((FORMS.get(effect, effect), axis) for effect, axis, _ in case.effects)
+    return tuple((catalogue.FORMS.get(effect, effect), axis) for effect, axis, _ in case.effects)

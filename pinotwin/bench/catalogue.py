@@ -42,11 +42,7 @@ CHANGE_SIZES: dict[str, tuple[float, float]] = {"presliding": (0.004, 0.1)}
 OUTSIDE = ("ripple_speed", "coulomb_position", "mains", "chatter")
 """Effects that no catalogue entry describes."""
 
-FORMS: dict[str, str] = {
-    "gms": "presliding",
-    "ripple_triangle": "ripple",
-    "loop_delay": "delay",
-}
+FORMS: dict[str, str] = {"gms": "presliding", "ripple_triangle": "ripple", "loop_delay": "delay"}
 """Right effect in another functional form than the catalogue's -> the name that is right."""
 
 AFTERWARDS = ("payload", "inertial_coupling", "effort_scale", "feedforward")
@@ -55,8 +51,7 @@ AFTERWARDS = ("payload", "inertial_coupling", "effort_scale", "feedforward")
 STRUCTURE = tuple(name for name in SIZES if name not in (*AFTERWARDS, *OUTSIDE, *FORMS))
 """Effects that a model which is fitted to the log itself can be seen to lack."""
 
-CHANGE = (*STRUCTURE, *AFTERWARDS)
-"""Effects that can come after a twin was identified."""
+CHANGE = (*STRUCTURE, *AFTERWARDS)  # effects that can come after a twin was identified
 
 LOOP_ONLY = ("feedforward", "saturation", "loop_delay")
 """Effects of the controller: what they change is the tracking error; the plant stays as it was."""
@@ -64,8 +59,7 @@ LOOP_ONLY = ("feedforward", "saturation", "loop_delay")
 ROTARY = ("ripple_modulated",)
 """Effects that repeat with the turn of an axis; on a linear one they are another effect."""
 
-MANY_AXES = ("inertial_coupling", "geometric_error")
-"""Effects that need more than one axis."""
+MANY_AXES = ("inertial_coupling", "geometric_error")  # effects that need more than one axis
 
 COVERED_BY: dict[str, tuple[str, ...]] = {
     "viscous": ("viscous", "viscous_asymmetric"),

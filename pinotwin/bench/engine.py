@@ -1,8 +1,7 @@
 """One function over many items in many processes: a dead worker costs a retry, no answer.
 
-Every process is an executor of its own, so that one that dies accuses the item it worked on and no other. All of
-them hold the reading end of a pipe whose other end is this process's: it closes when the work is over or this
-process is killed, and they end.
+Each process is an executor of its own, so that one that dies accuses its item alone. All hold a pipe from this
+process: when it closes, they end.
 """
 
 from __future__ import annotations
@@ -12,14 +11,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import Pipe, get_context
@@ -38,7 +30,7 @@ class KilledWorker(Exception):
 def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
     """Yield what works on items, each with result or exception, in so many processes; one is this, unless ``apart``."""
     if workers <= 1 and not apart:
-        with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a process's future does
+        with futures.ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a process's future does
             yield lambda function, items, end: _work([_Worker(lambda: pool)], function, items, end)
         return
     here, there = Pipe(duplex=False)
@@ -67,10 +59,10 @@ def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
 class _Worker:
     """An executor of one worker, replaced when that dies."""
 
-    def __init__(self, make: Callable[[], Executor]) -> None:
+    def __init__(self, make: Callable[[], futures.Executor]) -> None:
         self.make, self.pool = make, make()
 
-    def begin(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
+    def begin(self, function: Callable[[Any], Any], item: Any) -> futures.Future[Any]:
         try:
             return self.pool.submit(function, item)
         except BrokenProcessPool:
@@ -79,9 +71,9 @@ class _Worker:
             return self.pool.submit(function, item)
 
 
-def _process(parent: Connection) -> ProcessPoolExecutor:
+def _process(parent: Connection) -> futures.ProcessPoolExecutor:
     context = get_context("spawn")
-    return ProcessPoolExecutor(1, mp_context=context, initializer=_end_with, initargs=(parent,))
+    return futures.ProcessPoolExecutor(1, mp_context=context, initializer=_end_with, initargs=(parent,))
 
 
 def _end_with(parent: Connection) -> None:
@@ -99,14 +91,14 @@ def _work(
     team: Sequence[_Worker], function: Callable[[Any], Any], items: Sequence[Any], end: float | None
 ) -> Iterator[tuple[Any, Any]]:
     waiting, free = list(items)[::-1], list(team)
-    running: dict[Future[Any], tuple[_Worker, Any]] = {}
+    running: dict[futures.Future[Any], tuple[_Worker, Any]] = {}
     while True:
         while waiting and free and not (end is not None and time.monotonic() > end):
             worker, item = free.pop(), waiting.pop()
             running[worker.begin(function, item)] = worker, item
         if not running:
             return
-        for job in wait(running, return_when=FIRST_COMPLETED).done:
+        for job in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
             worker, item = running.pop(job)
             free.append(worker)
             error = job.exception()

@@ -1,8 +1,6 @@
-"""What an oracle could see of an effect: its true course as a candidate on the diagnosis' own rows.
+"""What an oracle could see of an effect: its true course (two runs without noise) as a candidate on the same rows.
 
-The difference that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
-catalogue can hold a better one. What it adds that the base model's own coefficients cannot take up is
-its size there. Below what the rules of the diagnosis ask for, nobody who looks at an axis in motion can name it.
+Its size is what the base model's own coefficients cannot take up; below the least that is asked for nobody can name it.
 """
 
 from __future__ import annotations
@@ -20,10 +18,7 @@ from pinotwin.twin import Twin
 
 
 def evidence(made: Produced, twin: Twin | None) -> float | None:
-    """Return the least size of the effects' true courses beside the model and each other; 1 is the least asked for.
-
-    On the axis that each moves most; None without effects, and where one is the controller's.
-    """
+    """Return the least size of the true courses, each on its main axis, 1 the least asked for; None without any."""
     if not made.courses:
         return None
     sealed = made.sealed

@@ -25,8 +25,7 @@ HEALTHY: dict[str, tuple[str, ...]] = {
 }
 """Machine -> effects of its truth that its machine.yaml does not list: withheld in every case."""
 
-Placed = Sequence[tuple[str, str, float]]
-"""(effect, axis, size) of what is put into a truth."""
+Placed = Sequence[tuple[str, str, float]]  # (effect, axis, size) of what is put into a truth
 
 
 @functools.cache

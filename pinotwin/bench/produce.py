@@ -18,8 +18,7 @@ from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.trajectories import Trajectory
 
-DWELL = (0.03, 0.25)
-"""Shortest and longest rest between moves [s]: short logs have no time to waste."""
+DWELL = (0.03, 0.25)  # shortest and longest rest between moves [s]: short logs have no time to waste
 
 
 @dataclass(frozen=True)
@@ -126,11 +125,7 @@ def _size(
 
 
 def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Path:
-    """Identify the twin of a healthy machine and a seed on two logs, unless it is there; return its folder.
-
-    Its closed loops are left out: simulating the tracking error takes most of the time of a case, and the law
-    of the servo is held against the logs alone.
-    """
+    """Return the folder of the healthy twin of a machine and a seed, identified on two logs if it is not there."""
     from pinotwin.identification import identify
 
     machine, seed = pair
@@ -140,7 +135,7 @@ def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Pat
         seeds = [10 * seed + k for k in range(2)]
         logs = [well.record(path_of(machine, seconds, 1000 + k), seed=500 + k).to_log() for k in seeds]
         public = public_machine(machine)
-        identify(public, logs, loop=False).save(target)
+        identify(public, logs, loop=False).save(target)  # simulating its error takes most of a case's time
     return target
 
 

@@ -1,12 +1,8 @@
 """rho: how much power an effect adds to a signal, over the power of the noise, from the truth alone.
 
-Both come from simulation without the diagnosing code. The power is that of the difference of two runs without
-noise, along the same command, with and without the effect, after the closed loop. The noise has two
-levels: sensors, and friction that scatters from run to run.
-
-A model that is fitted to the very log (situation ``structure``) takes up what of that difference its own
-columns can; only the rest can be seen. :func:`left_of` takes that part away, with the
-columns at their true shapes.
+The power is that of the difference of two runs without noise, with and without the effect, after the closed loop;
+noise is of sensors, and friction that scatters. A model that is fitted to the very log (situation ``structure``)
+takes up what its columns, at their true shapes, can: :func:`left_of` takes that away.
 """
 
 from __future__ import annotations
@@ -26,8 +22,7 @@ from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.withholding import changed
 
-Powers = Mapping[str, Mapping[str, float]]
-"""axis -> signal (``u``, ``e``) -> power [SI²]."""
+Powers = Mapping[str, Mapping[str, float]]  # axis -> signal (``u``, ``e``) -> power [SI²]
 
 
 @dataclass(frozen=True)

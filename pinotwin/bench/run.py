@@ -1,8 +1,6 @@
-"""Run a bench: cases over the cores, each produced, sealed, diagnosed and written down at once.
+"""Run a bench: cases over the cores, each produced, sealed, diagnosed and written down (``cases.jsonl``) at once.
 
-Every answer is one line of ``cases.jsonl``; a bench that was interrupted goes on where it stopped, and
-its result does not depend on how often that was, nor on how many processes it had. Answers of other code
-(:mod:`pinotwin.bench.fingerprint`) stay in the file and are not used.
+One that was interrupted goes on where it stopped, with the same result; answers of other code are not used.
 """
 
 from __future__ import annotations

@@ -88,5 +88,4 @@ def _base_lines(result: Check) -> list[str]:
 
 
 def _width(words: Iterable[str], least: int) -> int:
-    """Return the width of a column that holds every word."""
     return max([least, *(len(word) + 2 for word in words)])

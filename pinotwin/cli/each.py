@@ -1,10 +1,7 @@
 """Many logs, each diagnosed by itself (``pinotwin diagnose TWIN --each LOGS...``): one table at the end.
 
-Every log has a folder of its own below ``--out``, written whole or not at all, with a record of what it was
-made of (``made_of.json``). A run that was interrupted, or that is given more logs, works on those without
-such a record only; a log that could not be diagnosed has none, is one line of the table, and is tried again.
-Every answer is a line more of the table (:mod:`pinotwin.cli.each_table`). What cannot be written ends the command: a
-disk that is full would cost the work of all that follow.
+Every log has a folder below ``--out``, written whole, with a record of what it was made of (``made_of.json``); a later
+run works on those without one only. A log that failed is a line of the table and tried again; a full disk ends it all.
 """
 
 from __future__ import annotations
@@ -29,14 +26,12 @@ from pinotwin.system.threads import one_blas_thread
 from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder, write_json, write_text
 
 RECORD = "made_of.json"
-ENDINGS = (
+ENDINGS = (  # endings of the files that a folder among the logs stands for
     *(".csv", ".tsv", ".dat", ".asc", ".parquet", ".pq", ".mat", ".h5", ".hdf5", ".hdf"),
     *(".mcap", ".npy", ".npz", ".jsonl", ".ndjson", ".db3", ".bag"),
 )
-"""Endings of the files that a folder among the logs stands for."""
 
-Fill = Callable[[Path], list[str]]
-"""Writes a result into a folder; returns what went wrong with its picture."""
+Fill = Callable[[Path], list[str]]  # writes a result into a folder; returns what went wrong with its picture
 Work = Callable[[str, "Asked"], tuple[Mapping[str, Any], Fill]]
 """Diagnoses the log that is named: the content of diagnosis.json, and what fills the log's folder."""
 
@@ -72,11 +67,7 @@ def each_answered(
     workers: int | None = None,
     fail_on_gap: bool = False,
 ) -> Answer:
-    """Diagnose every log (or those in a folder) by itself and return the table as lines, its content and the exit code.
-
-    There is a process for each processor where ``workers`` is None; the code is 1 with ``fail_on_gap`` unless every
-    verdict is none.
-    """
+    """Diagnose every log (or those in a folder) by itself; return table lines, content and the exit code."""
     if workers is not None and workers < 1:
         raise InputError(f"--workers: {workers}: must be at least 1")
     started = time.monotonic()

@@ -1,9 +1,7 @@
 """The table of ``pinotwin diagnose --each``: one row a log, as JSON, as CSV and on the terminal.
 
-A row with a verdict is made of the answer in its log's folder and of nothing else. So that this holds whenever
-the command is killed, both forms are written whole before the work begins, without a verdict of what is to be
-worked on; an answer whose folder is in place is a line more of the CSV. At the end, however it comes but by a kill,
-both are written whole again, in the order given.
+A verdict comes from the answer in its log's folder alone, whenever the command is killed: both forms are written whole
+before the work begins and at its end, an answer in between is a line more of the CSV.
 """
 
 from __future__ import annotations
@@ -56,12 +54,7 @@ class Table:
         """Return the table as JSON has it."""
         rows = [self.rows.get(log) or _without_answer(log, WAITING, None) for log in self.logs]
         counts = dict(Counter(row["verdict"] for row in rows))
-        return {
-            "subject": self.subject,
-            "counts": counts,
-            "kept_of_an_earlier_run": self.kept,
-            "logs": rows,
-        }
+        return {"subject": self.subject, "counts": counts, "kept_of_an_earlier_run": self.kept, "logs": rows}
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         document = self.document()

@@ -36,7 +36,6 @@ def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
 
 
 def _speeds(given: Sequence[str], names: Sequence[str], usual: Floats) -> Floats:
-    """Return the largest speed of every axis, the usual where none is given."""
     for name, (value,) in by_axis("speed", given).items():
         if name not in names:
             raise InputError(f"--speed: no axis {name!r}; {nearest(name, names)}")

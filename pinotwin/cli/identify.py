@@ -80,7 +80,6 @@ def _next(twin: Twin) -> Iterator[str]:
 
 
 def _preparation(cutoff: float | None, decimate: int | None, resample: float | None) -> dict[str, Any]:
-    """Return the options that say how a log is prepared."""
     if cutoff is not None and not cutoff >= 0:
         raise InputError(f"--cutoff: {cutoff:g} Hz must not be negative (0: no low-pass)")
     if decimate is not None and decimate < 1:

@@ -1,8 +1,6 @@
 """Entry point ``pinotwin``: parse, run the command, turn a known error into one line and exit code 2.
 
-Each command lives in its own module of this package, imported only when it is called, and offers
-a function ``run``, whose signature and docstring are its arguments (:mod:`pinotwin.cli.arguments`). What is slow to
-import it imports once its inputs are known to be there. Any other error is a bug and keeps its traceback.
+A command is a module of this package, imported when called, whose ``run`` has its arguments (:mod:`.arguments`).
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from pinotwin.cli.output import say
 from pinotwin.errors import PinotwinError, nearest
 from pinotwin.system.writing import write_json
 
-COMMANDS: dict[str, str] = {
+COMMANDS: dict[str, str] = {  # command -> what it does
     "new": "start a machine folder from axes, a URDF or a name; guess the columns of a log",
     "check": "what is wrong with a machine or a log, and what the log can identify",
     "identify": "find the machine's model in its logs and save it as a twin",
@@ -44,10 +42,9 @@ COMMANDS: dict[str, str] = {
     "export": "write a twin for other tools: URDF, MuJoCo, NumPy or C",
     "demo": "the whole chain on a bundled machine, and on the real EMPS drive if it is at hand",
 }
-"""Command -> what it does."""
 
 
-EXAMPLES: dict[str, str] = {
+EXAMPLES: dict[str, str] = {  # command -> an example of its use
     "check": "pinotwin check trunnion log.csv",
     "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
     "improve": "pinotwin improve trunnion log.csv --validate other.csv --out twin",
@@ -66,7 +63,6 @@ EXAMPLES: dict[str, str] = {
     "new": "pinotwin new XYZAC log.csv --out mymachine",
     "study": "pinotwin study trunnion log.csv --only amount --out study",
 }
-"""Command -> an example of its use."""
 
 
 def _help(prog: str) -> argparse.HelpFormatter:
@@ -74,8 +70,6 @@ def _help(prog: str) -> argparse.HelpFormatter:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose complaint is one line."""
-
     def error(self, message: str) -> None:  # type: ignore[override]
         self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`\n")
 
@@ -99,7 +93,6 @@ class _Completion(argparse.Action):
 
 
 def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser of all commands, those named with their arguments."""
     parser = _Parser(
         prog="pinotwin",
         description="From a URDF and a log to a model that says where reality differs, and why.",
@@ -138,11 +131,7 @@ def command_of(name: str) -> Command:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0 fine, 1 a failed check, 2 bad input.
-
-    Args:
-        argv: the words after ``pinotwin``; those of the process when None.
-    """
+    """Run one command (``argv``, or the process' words) and return 0, 1 for a failed check, 2 for bad input."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its own threads slow small problems
     _end_in_order()
     words = list(sys.argv[1:] if argv is None else argv)

@@ -21,8 +21,7 @@ def columns(
 ) -> list[str]:
     """Return a table as lines; columns as wide as their widest cell, two blanks between, those in ``left`` aligned so.
 
-    Where that is wider than the terminal (``piped`` characters in a pipe), long names in the first column stand on a
-    line of their own.
+    Wider than the terminal (``piped`` characters in a pipe), long names in the first column have a line of their own.
     """
     most = width() or piped
     every = [list(head), *map(list, rows)]

@@ -89,7 +89,6 @@ def _imus(run: Recording, folder: Path, seed: int, asked: Iterable[tuple[str, st
 
 
 def _imu_links(folder: Path, files: Sequence[str], given: Sequence[str]) -> list[str]:
-    """Return the link of every virtual IMU that was asked for."""
     from pinotwin.machine import Machine
 
     if not files:

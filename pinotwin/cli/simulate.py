@@ -75,7 +75,7 @@ def summary(rows: Any) -> list[str]:
     return [*columns(head, cells), "e tracking error, u effort: RMS error / RMS measured"]
 
 
-SHOWN = (
+SHOWN = (  # signal and error of each column of the table
     ("e", "nrmse"),
     ("u", "nrmse"),
     ("u", "nrmse_std"),
@@ -83,4 +83,3 @@ SHOWN = (
     ("u", "moving"),
     ("u", "resting"),
 )
-"""Signal and error of each column of the table."""

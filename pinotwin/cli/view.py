@@ -108,7 +108,6 @@ def _recorded(rrd: str, machine: str, log: str | None, meshes: str | None) -> st
 
 
 def _subject(name: str, meshes: str | None) -> Machine | Twin:
-    """Return a machine or twin with its meshes looked for in a folder first."""
     from pinotwin.twin import Twin
     from pinotwin.twin.twin import as_subject
 
@@ -119,7 +118,6 @@ def _subject(name: str, meshes: str | None) -> Machine | Twin:
 
 
 def _mode_lines(found: Modes | None, shown: int | None) -> list[str]:
-    """Return a line about every mode, the one that is shown marked."""
     lines = []
     for k, mode in enumerate(() if found is None else found.modes, 1):
         parts = zip(found.names if found else (), mode.energy, strict=True)

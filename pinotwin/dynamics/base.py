@@ -1,21 +1,15 @@
-r"""Base parameters: the smallest set that fixes the joint efforts of a machine.
+"""Base parameters: the smallest set that fixes the joint efforts of a machine.
 
-Some standard parameters never act on a joint, others only in fixed sums. With ``W`` the regressor
-at many random motions, the base columns W_b are independent columns of W, every other column is a
-combination of them, W = W_b P, and
+With ``W`` the regressor at many random motions (beyond the limits: the rank is the same, and well conditioned), the
+base columns W_b are independent columns of W, the others combinations of them, W = W_b P, and
 
     tau = W pi = W_b beta,   beta = P pi
 
-The columns are taken in an order of preference, from the base outwards, each one kept if it is not
-a combination of those kept before (a QR factorisation with columns scaled to unit length). So the
-parameters of outer bodies are regrouped into inner ones, as is usual: Gautier 1991,
-doi:10.1002/rob.4620080405; Khalil, Dombre 2002, ISBN 978-1-903996-66-9. In a joint the rotor
-inertia comes first: what a link adds to it in the same way is summed into one total inertia, and
-M_Y = m_Y + Ja_Y stays free of the axes that carry Y. Products of inertia are tensor elements.
-
-The random motions do not keep to the joints' limits: efforts are analytic in the motion, so the
-rank is the same in any range, and a wide one is well conditioned. What one log can distinguish is
-another question: :mod:`pinotwin.dynamics.excitation`.
+Columns are taken from the base outwards, each kept if it is no combination of those before (QR, columns of unit
+length): parameters of outer bodies are regrouped into inner ones (Gautier 1991, doi:10.1002/rob.4620080405; Khalil,
+Dombre 2002, ISBN 978-1-903996-66-9). A joint's rotor inertia comes first and takes up what a link adds in the same
+way: M_Y = m_Y + Ja_Y stays free of the axes that carry Y. Products of inertia are tensor elements. What one log can
+distinguish: :mod:`pinotwin.dynamics.excitation`.
 """
 
 from __future__ import annotations
@@ -29,12 +23,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import regressor
-from pinotwin.dynamics.parameters import (
-    body_count,
-    parameter_count,
-    parameter_names,
-    parameter_units,
-)
+from pinotwin.dynamics.parameters import body_count, parameter_count, parameter_names, parameter_units
 
 # Order within a body: tensor (Iyy before Ixx, so that sums read Iyy - Ixx), first moments, mass.
 _BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
@@ -45,8 +34,7 @@ class BaseParameters:
     """Which sums of standard parameters the joint efforts depend on."""
 
     P: Floats  # beta = P @ pi, shape (b, p); exactly 1 and 0 in the independent columns
-    # indices into ``pi``, joint by joint: W[:, :, independent] @ beta == W @ pi, shape (b,)
-    independent: Ints
+    independent: Ints  # indices into ``pi``: W[:, :, independent] @ beta == W @ pi, shape (b,)
     names: tuple[str, ...]  # every base parameter written out, e.g. ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``
     labels: tuple[str, ...]  # a short unique name each, e.g. ``Iyy_B*``; the star marks a sum
     units: tuple[str, ...]  # SI unit of each
@@ -65,13 +53,9 @@ class BaseParameters:
 
 
 def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5) -> BaseParameters:
-    """Return the base parameters of a model.
+    """Return the base parameters of a model's geometry; the result does not depend on ``seed``.
 
-    Args:
-        model: the machine; only its geometry matters, not its inertias.
-        seed: of the random motions; the result does not depend on it.
-        tolerance: a column counts as a combination of others if all but this fraction of it is one.
-            Forgives angles written as 1.5708; far below what any log can tell.
+    A column is a combination of others if all but the share ``tolerance`` of it is one: forgives angles as 1.5708.
     """
     names = parameter_names(model)
     W = np.linalg.qr(
@@ -172,8 +156,7 @@ def combination(coefficients: Floats, names: Sequence[str]) -> str:
 def labels(P: Floats, independent: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
     """Return one short, unique name for every row of ``P``; a star says that it is a grouping.
 
-    A row is called after the innermost parameter of its own kind that enters it with factor one (a
-    rotor inertia gives way to what a link adds to it), unless an earlier row has that name.
+    A row is called after the innermost parameter of its own kind that enters it with factor one, if still free.
     """
     out: list[str] = []
     for row, own in zip(P, independent, strict=True):

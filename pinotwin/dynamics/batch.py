@@ -1,8 +1,6 @@
 """Rigid-body dynamics of whole logs: M(q) a + c(q, v) + g(q) = tau = W(q, v, a) pi, rotor inertia on M's diagonal.
 
-All arrays have one row per sample and one column per joint, shape (n, nv), SI. The work is done by
-Pinocchio (Carpentier et al. 2019, doi:10.1109/SII.2019.8700380); one thread, so that the result
-does not depend on the machine it runs on.
+Arrays (n, nv), SI; by Pinocchio (Carpentier et al. 2019, doi:10.1109/SII.2019.8700380) on one thread: reproducible.
 """
 
 from __future__ import annotations
@@ -26,11 +24,7 @@ def inverse(model: pin.Model, q: Floats, v: Floats, a: Floats) -> Floats:
 
 
 def mass_matrix(model: pin.Model, q: Floats) -> Floats:
-    """Return the joint-space mass matrix M(q) with rotor inertia, shape (n, nv, nv).
-
-    Raises:
-        MachineError: the joints are not in depth-first order (as those of a URDF always are).
-    """
+    """Return M(q) with rotor inertia, shape (n, nv, nv); MachineError unless joints are depth first, as in a URDF."""
     (q,) = as_log(model, q=q)
     require_depth_first(model)
     data = model.createData()
@@ -41,17 +35,9 @@ def mass_matrix(model: pin.Model, q: Floats) -> Floats:
 
 
 def regressor(model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None) -> Floats:
-    """Return W with W @ pi = joint effort, shape (n, nv, p), or only some of its columns.
+    """Return W with W @ pi = joint effort, shape (n, nv, p), or some ``columns``; ``q``, ``v``, ``a`` (n, nv), SI.
 
-    ``pi`` is that of :mod:`pinotwin.dynamics.parameters`. Pinocchio computes the part of the ten inertial
-    parameters of every body; the rotor inertias, which it has no columns for, follow from the accelerations.
-
-    Args:
-        model: the machine.
-        q: positions [m or rad], shape (n, nv).
-        v: velocities, shape (n, nv).
-        a: accelerations, shape (n, nv).
-        columns: indices into ``pi``; None for all.
+    Pinocchio computes the ten columns of every body; those of rotor inertias follow from the accelerations.
     """
     q, v, a = as_log(model, q=q, v=v, a=a)
     p, bodies = parameter_count(model), 10 * body_count(model)

@@ -1,8 +1,7 @@
 """Which parameters a set of regressor rows can distinguish.
 
-Columns are scaled to unit length first, so that units do not matter (Belsley, Kuh, Welsch 1980,
-doi:10.1002/0471725153). Directions whose singular value is below ``tolerance`` times the largest are not
-excited; the parameters in them are named as groups of which only sums, fewer than members, are determined.
+Columns are scaled to unit length, so that units do not matter (Belsley, Kuh, Welsch 1980, doi:10.1002/0471725153).
+Parameters in a direction that is not excited are named as groups of which only sums are determined.
 """
 
 from __future__ import annotations
@@ -52,20 +51,11 @@ class Excitation:
 def excitation(
     W: Floats, names: Sequence[str], *, size: Floats | None = None, tolerance: float = 1e-3
 ) -> Excitation:
-    """Return what regressor rows determine.
+    """Return what regressor rows ``W`` of all joints, stacked and weighted, shape (rows, b), determine.
 
-    Args:
-        W: rows of the regressor of all joints, stacked (and weighted, if the joints differ in
-            noise), shape (rows, b).
-        names: name of every column.
-        size: expected magnitude of every parameter, e.g. |P pi| of the CAD model; tells a column
-            that is empty for practical purposes from one in small units. None for one magnitude for
-            all.
-        tolerance: a direction, or a column times its size, below this fraction of the largest is not
-            excited. With 1 % noise and 6000 samples that is about 10 % standard error.
-
-    Raises:
-        DataError: W is not (rows, len(names)) or holds values that are not finite.
+    ``size`` is the expected magnitude of every parameter, e.g. |P pi| of CAD; None for one for all. A direction, or a
+    column times its size, below ``tolerance`` times the largest is not excited: with 1 % noise and 6000 samples about
+    10 % standard error. DataError if W is not (rows, len(names)), or not finite.
     """
     W = np.asarray(W, dtype=float)
     if W.ndim != 2 or W.shape[1] != len(names) or len(W) == 0:

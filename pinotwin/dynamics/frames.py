@@ -1,7 +1,6 @@
 """Motion of, and loads on, a named frame of the machine, for whole logs.
 
-Six-vectors are Pinocchio's: linear part first, then angular. ``LOCAL`` axes are those of the frame;
-``world`` axes are those of the base, at the frame's origin.
+Six-vectors are Pinocchio's, linear part first; ``LOCAL`` axes are the frame's, ``world`` axes those of the base.
 """
 
 from __future__ import annotations
@@ -24,14 +23,7 @@ def frame_id(model: pin.Model, frame: str) -> int:
 
 
 def jacobian(model: pin.Model, frame: str, q: Floats, *, world: bool = False) -> Floats:
-    """Return the frame's Jacobian, [linear; angular] velocity = J v, shape (n, 6, nv).
-
-    Args:
-        model: the machine.
-        frame: name of the frame.
-        q: positions, shape (n, nv).
-        world: axes of the world (LOCAL_WORLD_ALIGNED) instead of those of the frame (LOCAL).
-    """
+    """Return the Jacobian of a frame, [linear; angular] velocity = J v, (n, 6, nv), in its own or the world's axes."""
     (q,) = as_log(model, q=q)
     index, data = frame_id(model, frame), model.createData()
     axes = pin.LOCAL_WORLD_ALIGNED if world else pin.LOCAL
@@ -55,10 +47,9 @@ def frame_velocity(model: pin.Model, frame: str, q: Floats, v: Floats) -> Floats
 
 
 def frame_acceleration(model: pin.Model, frame: str, q: Floats, v: Floats, a: Floats) -> Floats:
-    """Return the classical acceleration of the frame's origin and its angular acceleration.
+    """Return the classical acceleration of the frame's origin, and its angular one, in its axes [m/s²; rad/s²], (n, 6).
 
-    In the frame's own axes [m/s²; rad/s²], shape (n, 6). Gravity is not in it: an accelerometer
-    reads this minus R^T g, with R from :func:`frame_rotation`.
+    Gravity is not in it: an accelerometer reads this minus R^T g, with R from :func:`frame_rotation`.
     """
     at = pin.getFrameClassicalAcceleration
     return _along(model, frame, (6,), lambda d, i: at(model, d, i, pin.LOCAL).vector, q=q, v=v, a=a)
@@ -82,15 +73,9 @@ def _along(
 
 
 def external_effort(model: pin.Model, frame: str, q: Floats, wrench_world: Floats) -> Floats:
-    """Return the joint effort J^T f of a load on a frame [N or N·m], shape (n, nv).
+    """Return the joint effort J^T f of a load on a frame [N or N·m], shape (n, nv): M a + c + g = u + J^T f.
 
-    It adds to the motors': M a + c + g = u + J^T f.
-
-    Args:
-        model: the machine.
-        frame: name of the frame the load acts on, at its origin.
-        q: positions, shape (n, nv).
-        wrench_world: force [N] and moment [N·m] in world axes, shape (n, 6).
+    ``wrench_world`` is force [N] and moment [N·m] in world axes at the frame's origin, shape (n, 6).
     """
     f = np.asarray(wrench_world, dtype=float)
     J = jacobian(model, frame, q, world=True)

@@ -1,11 +1,9 @@
-r"""The standard parameters of a machine as one vector, and back.
+"""The standard parameters of a machine as one vector, and back.
 
     pi = [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz] of joint 1, ... joint N, [Ja_1 ... Ja_nv]
 
-Ten inertial parameters for every joint in Pinocchio's order (mass, first moments and tensor
-elements about the joint frame: ``Inertia.toDynamicParameters``), then the reflected rotor inertia
-of every velocity (``model.armature``), which adds to the joint's inertia and carries no weight.
-Products of inertia are tensor elements, I_xy = -∫ x y dm.
+In Pinocchio's order, about the joint frame; products of inertia are tensor elements, I_xy = -∫ x y dm. The reflected
+rotor inertia of every velocity (``model.armature``) adds to the joint's inertia and carries no weight.
 """
 
 from __future__ import annotations
@@ -38,17 +36,9 @@ def parameters(model: pin.Model) -> Floats:
 
 
 def with_parameters(model: pin.Model, pi: Floats) -> pin.Model:
-    """Return a copy of the model that has the parameters ``pi``.
+    """Return a copy of the model that has the parameters ``pi``, shape (p,); MachineError for another length.
 
-    A body without mass must have zero first moments: Pinocchio stores the centre of mass, which
-    such a body has not.
-
-    Args:
-        model: the machine; it is left as it is.
-        pi: standard parameters, shape (p,).
-
-    Raises:
-        MachineError: ``pi`` has another length, or a body has first moments but no mass.
+    A body without mass must have no first moments either: Pinocchio stores its centre of mass.
     """
     values = np.asarray(pi, dtype=float)
     if values.shape != (parameter_count(model),):

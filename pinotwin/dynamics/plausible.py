@@ -11,14 +11,9 @@ from pinotwin.dynamics.pseudoinertia import dynamic_parameters, pseudo_inertia
 
 
 def plausible(model: pin.Model, acting: Mask) -> tuple[Floats, Mask]:
-    """Return standard parameters of which every body that acts on a joint can exist, and which inertials are dummies.
+    """Return standard parameters, shape (p,), with which all ``acting`` bodies can exist, and which are dummies.
 
-    Dummies have no mass, a negative moment of inertia or one far beyond the machine, or all bodies are alike or
-    of 1 kg; a rod along the kinematics takes their place.
-
-    Args:
-        model: as the URDF describes it.
-        acting: bodies that some joint's effort depends on, shape (bodies,).
+    Dummies have no mass, a negative or a huge moment of inertia, or all are alike or of 1 kg: a rod takes their place.
     """
     pi, count = parameters(model), body_count(model)
     bodies = pi[: 10 * count].reshape(-1, 10)

@@ -1,11 +1,9 @@
-"""The ten parameters of a body as its pseudo-inertia, and back.
+"""The ten parameters of a body, in Pinocchio's order, as its pseudo-inertia, and back.
 
     J = [[Sigma, h], [h', m]],   Sigma = tr(I)/2 E - I   [kg·m², kg·m; kg·m, kg]
 
-J is positive semidefinite exactly when some distribution of mass has these ten parameters (Wensing,
-Kim & Slotine 2018, doi:10.1109/LRA.2017.2729659).
-
-Parameters follow Pinocchio: m, m x, m y, m z, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
+Positive semidefinite exactly when some distribution of mass has them (Wensing, Kim & Slotine 2018,
+doi:10.1109/LRA.2017.2729659).
 """
 
 from __future__ import annotations
@@ -14,8 +12,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 
-BASIS = np.zeros((10, 4, 4))
-"""Pseudo-inertia of each parameter alone at one."""
+BASIS = np.zeros((10, 4, 4))  # pseudo-inertia of each parameter alone at one
 BASIS[0, 3, 3] = 1.0
 for _k, (_i, _j) in enumerate([(0, 3), (1, 3), (2, 3)], 1):
     BASIS[_k, _i, _j] = BASIS[_k, _j, _i] = 1.0

@@ -1,8 +1,6 @@
-"""Mass matrix and bias effort of one sample, callable from compiled loops.
+"""Mass matrix and bias effort of one sample, callable from compiled loops, which Pinocchio is not.
 
-Pinocchio cannot be called from a compiled loop, and a call from Python costs more than the step itself;
-see docs/architecture.md for the figures. The test of :mod:`pinotwin.dynamics.tape` holds the result
-equal to Pinocchio's.
+A call from Python costs more than the step itself (docs/architecture.md); tests hold the result equal to Pinocchio's.
 """
 
 from __future__ import annotations
@@ -16,24 +14,15 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.system.kernels import compiled
 
-leaf = compiled(nogil=True, _nrt=False)
-"""Compiles a function that allocates nothing, without reference counting.
-
-numba counts references of every array that it takes out of a tuple, some hundred per step: three times the cost of
-the arithmetic. ``_nrt=False`` leaves it out; the option is numba's own and may go some day. Other threads run
-meanwhile: axes are searched side by side.
-"""
+leaf = compiled(nogil=True, _nrt=False)  # axes are searched side by side
+"""Compiles what allocates nothing: numba's own ``_nrt=False`` spares references, three times the arithmetic's cost."""
 
 inlined = compiled(nogil=True, inline="always")
 """Compiles a function into those that call it: arrays in tuples cost a call more than most steps do."""
 
 
 def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a compiled function that takes named tuples, as Python calls it: in 4 microseconds instead of 200.
-
-    numba knows the type of a named tuple again by a number that dies with the type; where none of them is kept,
-    every call goes the long way round of finding a compiled function (numba 0.68).
-    """
+    """Return a function for named tuples from Python: 4 µs, not 200, for numba 0.68 forgets their types otherwise."""
     kept: list[Any] = []
 
     @wraps(kernel)

@@ -1,8 +1,6 @@
 """Numbers that remember how they were computed: products and sums on a list, constants folded.
 
-A :class:`Symbol` is plus or minus a node of a :class:`Trace`. Arithmetic with plain floats folds (x 0
-is 0, x 1 is x), equal nodes are made once, and :meth:`Trace.compile` fuses products into the sums
-that use them.
+A :class:`Symbol` is plus or minus a node of a :class:`Trace`, which fuses products into the sums that use them.
 """
 
 from __future__ import annotations

@@ -1,16 +1,12 @@
-"""Mass matrix and bias effort of one machine as a straight line of multiply-adds.
+"""Mass matrix and bias effort of one machine, M(q) a + h(q, v) = tau, as a straight line of multiply-adds.
 
-    M(q) a + h(q, v) = tau
-
-Composite rigid bodies and recursive Newton-Euler (Featherstone 2008, 10.1007/978-1-4899-7560-7) are
-run once with symbols in place of numbers. What is zero or constant for this machine folds away,
-common terms are shared, and what remains is a list of
+Composite rigid bodies and recursive Newton-Euler (Featherstone 2008, 10.1007/978-1-4899-7560-7) are run once with
+symbols; what is zero or constant for this machine folds away, and what remains is a list of
 
     t[k] = t[a] t[b] s[k] + t[c]
 
-which :func:`pinotwin.dynamics.stepping.replay` works off, for any machine by the same compiled loop.
-Of the inertial parameters only a minimal set is needed: ``beta`` on the independent columns and zero
-elsewhere has the same efforts as the whole ``pi`` (see :mod:`pinotwin.dynamics.base`).
+for :func:`pinotwin.dynamics.stepping.replay`. ``beta`` on the independent columns and zero elsewhere has the same
+efforts as the whole ``pi`` (:mod:`pinotwin.dynamics.base`).
 """
 
 from __future__ import annotations
@@ -35,8 +31,7 @@ class Tape:
     ops: Ints  # a, b, c of every operation, shape (k, 3)
     sign: Floats  # s of every operation, shape (k,)
     revolute: Ints  # joints whose cosine and sine are needed, shape (r,)
-    # row, column (row <= column) and place in t of the entries of M that are not zero, shape (., 3)
-    mass: Ints
+    mass: Ints  # row, column (row <= column), place in t of the entries of M that are not zero, (., 3)
     bias: Ints  # joint and place in t of the entries of h that are not zero, shape (., 2)
 
     @property
@@ -48,8 +43,7 @@ class Tape:
 def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()) -> Tape:
     """Return the tape of a machine with the inertial parameters ``pi``, shape (p,); joints turn or slide.
 
-    ``coupled`` holds two joints that a motor turns together, and what it adds off the diagonal: inertia
-    M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
+    ``coupled``: two joints that one motor turns, M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
     """
     if np.shape(pi) != (parameter_count(model),):
         raise MachineError(f"machine {model.name!r}: pi has shape {np.shape(pi)}")

@@ -17,25 +17,17 @@ from pinotwin.system.writing import as_path, write_bytes
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 
-SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
-"""Format -> suffix of its file."""
+SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}  # format -> suffix of its file
 
 
 @dataclass(frozen=True, repr=False)
 class Export(Card):
-    """Files for another tool.
+    """Files for another tool."""
 
-    Attributes:
-        format: ``urdf``, ``mjcf``, ``numpy`` or ``c``.
-        files: name -> content.
-        inverse: the inverse model that they hold.
-        notes: what they leave out, a line each.
-    """
-
-    format: str
-    files: dict[str, bytes]
-    inverse: Inverse
-    notes: tuple[str, ...]
+    format: str  # ``urdf``, ``mjcf``, ``numpy`` or ``c``
+    files: dict[str, bytes]  # name -> content
+    inverse: Inverse  # the inverse model that they hold
+    notes: tuple[str, ...]  # what they leave out, a line each
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin export --json`` writes."""
@@ -53,18 +45,12 @@ class Export(Card):
         }
 
     def _shown(self) -> Shown:
-        """Return the files and what they leave out, for a notebook and for ``repr``."""
         rows = [(name, f"{len(content)} bytes") for name, content in self.files.items()]
         return (f"Export as {self.format}", ("file", "size"), rows, "; ".join(self.notes))
 
 
 def export_twin(
-    twin: TwinLike,
-    format: str,
-    out: str | Path,
-    *,
-    travel: Floats | None = None,
-    speed: Floats | None = None,
+    twin: TwinLike, format: str, out: str | Path, *, travel: Floats | None = None, speed: Floats | None = None
 ) -> Export:
     """Write a twin for other tools and return what was written.
 

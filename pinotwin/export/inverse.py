@@ -1,7 +1,6 @@
 """What a twin's effort consists of, free of pinotwin's classes: a tree, matrices, curves and memory.
 
-Every effect comes here through the tables of :mod:`pinotwin.simulation.tables`, whatever its class; an
-effect that no table can hold is in ``omitted``, for a file must say what it leaves out.
+Effects come through :mod:`pinotwin.simulation.tables`; what no table can hold is in ``omitted``, for files to say.
 """
 
 from __future__ import annotations
@@ -10,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinotwin.analysis.disturbance import linear_terms
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.effects import total_effort
-from pinotwin.errors import MachineError
 from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
 from pinotwin.machine import Machine
@@ -26,8 +24,7 @@ from pinotwin.twin import Twin
 
 TOLERANCE = 5e-4
 """Largest error of a curve, as a share of its largest value: a tenth of what a drive's effort repeats to."""
-_UNBOUNDED = 1e3
-"""A limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF."""
+_UNBOUNDED = 1e3  # a limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF
 _TURNS = 4.0 * np.pi
 _SLIDE = 1.0
 _FAST = (2.0, 20.0)
@@ -50,10 +47,7 @@ class Inverse:
 
 
 def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = None) -> Inverse:
-    """Return the inverse model of a twin for positions (2, nv) [m or rad] and speeds (nv,) [m/s or rad/s].
-
-    The joints' limits are taken where None.
-    """
+    """Return the inverse model for positions (2, nv) [m or rad] and speeds (nv,) [m/s or rad/s]; limits where None."""
     machine = twin.machine
     travel = default_travel(machine) if travel is None else travel
     speed = default_speed(machine) if speed is None else speed
@@ -94,21 +88,6 @@ def default_speed(machine: Machine) -> Floats:
     limit = np.asarray(machine.model.velocityLimit, dtype=float)
     usual = np.where(machine.rotary, _FAST[1], _FAST[0])
     return np.where((limit > 0.0) & (limit < _UNBOUNDED), 1.2 * limit, usual)
-
-
-def joint_axis(model: pin.Model, i: int) -> tuple[bool, Floats]:
-    """Return whether joint i turns, and its axis in its own frame, shape (3,); refuse a joint of another kind."""
-    joint = model.joints[i]
-    if joint.nq == 1 and joint.nv == 1:
-        frame = joint.createData()
-        joint.calc(frame, np.zeros(1))
-        S = np.asarray(frame.S).reshape(6)
-        slides, turns = np.linalg.norm(S[:3]), np.linalg.norm(S[3:])
-        if min(slides, turns) == 0.0 and abs(slides + turns - 1.0) < 1e-12:
-            return bool(turns), S[3:] if turns else S[:3]
-    raise MachineError(
-        f"joint {model.names[i]!r} neither turns about nor slides along one axis; it cannot be exported"
-    )
 
 
 def _tree(twin: Twin) -> dict[str, Any]:

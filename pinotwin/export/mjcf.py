@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.export.geometry import Geometry, geometry_of, numbers, quaternion
-from pinotwin.export.inverse import Inverse, joint_axis
+from pinotwin.export.inverse import Inverse
 from pinotwin.export.native import Native, split
 from pinotwin.export.texts import header, literal, rendered, runtime_text
 from pinotwin.machine.urdf import impossible_bodies

@@ -80,7 +80,6 @@ def c_text(inverse: Inverse, stem: str) -> str:
 
 
 def _data(data: dict[str, Any]) -> str:
-    """Return the sizes and the arrays of a machine."""
     curves = _Curves()
     position = [(j, curves.add(x, y)) for j, x, y in data["position"]]
     velocity = [(j, curves.add(x, y)) for j, x, y in data["velocity"]]

@@ -1,5 +1,1 @@
-"""IMU processing on NumPy arrays: orientation, clocks, alignment, noise, deflection.
-
-Usable alone: nothing here needs a Machine. Import from the modules, e.g.
-``from pinotwin.imu.batch import estimate``.
-"""
+"""IMU processing on NumPy arrays, without a Machine: orientation, clocks, alignment, noise, deflection."""

@@ -1,13 +1,8 @@
 """How an IMU sits: proper rotations between frames, with standard errors, for any chain.
 
-Inertial alignment R_G/M (thesis Eq. 6.12-6.19): the link's angular velocity in the machine frame
-against the IMU's in its own earth frame. Mounting R_S/T from rates in the link frame, which needs no
-integration. As in the thesis ``R_S/T`` turns a vector of the table (link) frame into the sensor frame,
-``R_G/M`` one of the machine into the IMU's earth frame. Both use Kabsch's determinant correction:
-Eq. 6.19 and 6.25 can return a reflection.
-
-Two directions fix a rotation. Rates give them if at least two axes that are not parallel turn; else
-gravity is the second one. If it is parallel too, nothing is known about the turn around it.
+R_G/M turns a vector of the machine into the IMU's earth frame (thesis Eq. 6.12-6.19), R_S/T one of the link (table)
+into the sensor; the latter from rates, without integration. Both use Kabsch's determinant correction, for Eq. 6.19
+and 6.25 can return a reflection. Two axes that turn fix a rotation, or one and gravity unless it is parallel.
 """
 
 from __future__ import annotations
@@ -48,18 +43,11 @@ def fit_rotation(
     spread: float = 0.05,
     lag: int = 100,
 ) -> RotationFit:
-    """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem).
+    """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem), for vectors (n, 3) each.
 
-    Args:
-        x: vectors in the first frame, e.g. rates [rad/s], (n, 3).
-        y: the same vectors in the second frame, (n, 3).
-        gravity: a direction in both frames, (n, 3) or (3,) each, used where ``x`` spans only one.
-        minimum: RMS of the vectors that counts as excitation, in their unit.
-        spread: least ratio of the second to the first singular value of the vectors.
-        lag: samples over which residuals are correlated, for the standard errors.
-
-    Raises:
-        DataError: nothing turns, or one axis only and gravity does not help.
+    ``gravity`` is a direction in both frames, (n, 3) or (3,), used where ``x`` spans only one; ``minimum`` the RMS that
+    counts as excitation, in the unit of ``x``; ``spread`` the least ratio of the second to the first singular value;
+    ``lag`` the samples over which residuals are correlated. DataError if that is not enough to fix it.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
@@ -86,7 +74,6 @@ def fit_rotation(
 def _with_gravity(
     x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None, spread: float
 ) -> tuple[Floats, Floats]:
-    """Return the vectors with gravity, as strong as the rates, appended."""
     message = "only one rotation axis (or parallel ones) turns in this log"
     if gravity is None:
         raise DataError(f"{message}; move a second, non-parallel axis or give gravity directions")
@@ -106,16 +93,11 @@ def _with_gravity(
 def mounting_from_rates(
     w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None
 ) -> RotationFit:
-    """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
+    """Return R_S/T from rates (n, 3) [rad/s] of link and gyro, whose scale and bias are estimated beside it.
 
         gyr = (I + diag(s)) exp(e) R w_link + b
 
     A scale error that differs between axes looks like a misalignment to the plain fit.
-
-    Args:
-        w_link: the link's angular velocity from the encoders in the link frame [rad/s], (n, 3).
-        gyr: the gyro on the same clock [rad/s], (n, 3).
-        gravity: the upward direction in the link and specific force in the sensor, for one axis.
     """
     still = np.linalg.norm(w_link, axis=1) < 1e-3
     centred = gyr - np.median(gyr[still], axis=0) if still.any() else gyr

@@ -1,12 +1,9 @@
 """One estimate over servo and IMU data: gyro scale, bias, mounting, clocks and the deflection.
 
-Nothing is integrated. The encoders give the link's rotation; the IMU has to give the difference.
-The deflection is the response of a spring-mass-damper (shared by all runs) to a known load, so its
-slow part is load over stiffness and not an integral of the gyro's scale error. All parameters have
-priors (MAP); without them scale, asymmetry and sag cannot be distinguished. Gauss-Newton with the
-analytic Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard
-errors come from leaving out stretches of each run in turn. What the mode does not explain goes to
-:mod:`pinotwin.imu.latent`.
+Nothing is integrated: the IMU has to read the encoders' rotation and the deflection, the response of a spring-mass-
+damper (shared by all runs) to a known load, so its slow part is load over stiffness. All parameters have priors (MAP):
+without them scale, asymmetry and sag look alike. Gauss-Newton (:mod:`pinotwin.imu.predict`) on residuals whitened by
+the noise at rest; errors by leaving out stretches. The rest goes to :mod:`pinotwin.imu.latent`.
 """
 
 from __future__ import annotations
@@ -59,12 +56,7 @@ def estimate(
     priors: Priors | None = None,
     clocks: Sequence[ClockFit] | None = None,
 ) -> BatchResult:
-    """Return the deflection of every run with everything that had to be found for it.
-
-    Raises:
-        DataError: nothing rotates, one axis only and gravity does not help, the joint hardly
-            deflects, or arrays do not fit.
-    """
+    """Return the deflection of every run with all that had to be found for it; DataError where too little moves."""
     p = Priors() if priors is None else priors
     if not servo or len(servo) != len(imu):
         raise DataError(f"{len(servo)} servo runs and {len(imu)} IMU runs; they must come in pairs")
@@ -121,7 +113,6 @@ def _first_mounting(servo: Sequence[ServoRun], models: list[RunModel], delay: fl
 
 
 def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Floats]:
-    """Return means and standard deviations of one run's parameter vector."""
     mean, sd = np.zeros(lay.size), np.ones(lay.size)
     wn = 2.0 * np.pi * p.frequency
     mean[lay["mode"]] = np.log([wn, p.damping])

@@ -2,15 +2,10 @@
 
     t_ref = (1 + skew) t_imu + offset
 
-The magnitude of the angular velocity is the same in every frame, so it needs no mounting (thesis
-Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes. Fine: Gauss-Newton on
-
-    y(t) = A r(t_ref(t)) + b + noise
-
-in offset, skew, A and b, both signals low-passed alike so that structural vibration stays out.
-With rates as vectors A is a full 3x3 matrix (mounting, scale factors); with magnitudes it is a
-number. A sensor's low-pass delays what it reports; its group delay is an input (``delay``). A
-clock that jumps back was restarted: each stretch has its own offset, all share the skew.
+Coarse: normalised cross-correlation of the rates' magnitudes, the same in every frame (thesis Section 6.4.1), over
+the overlap alone (Padfield 2012, DOI 10.1109/TIP.2011.2181402). Fine: Gauss-Newton in offset, skew, A and b on
+``y(t) = A r(t_ref(t)) + b + noise``, both low-passed alike; A is 3x3 (mounting, scale factors), of magnitudes a number.
+``delay`` is the group delay of a sensor's low-pass. After a restart a stretch has its own offset; all share the skew.
 """
 
 from __future__ import annotations
@@ -23,7 +18,6 @@ from scipy.ndimage import gaussian_filter1d
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
-from pinotwin.imu.correlate import best_lag
 from pinotwin.signals import joined
 from pinotwin.solve.sandwich import sandwich
 
@@ -90,23 +84,12 @@ class SyncSettings:
 
 
 def sync(
-    t_ref: Floats,
-    rate_ref: Floats,
-    t_imu: Floats,
-    rate_imu: Floats,
-    settings: SyncSettings | None = None,
+    t_ref: Floats, rate_ref: Floats, t_imu: Floats, rate_imu: Floats, settings: SyncSettings | None = None
 ) -> ClockFit:
-    """Return the relation of two clocks from angular rates that both saw.
+    """Return the relation of two clocks from angular rates that both saw; DataError if they show none.
 
-    Args:
-        t_ref: reference clock, uniform [s], (n,).
-        rate_ref: angular velocity in a frame of the link, (n, 3), or its magnitude, (n,) [rad/s].
-        t_imu: the sensor's stamps [s], (m,); samples may be missing.
-        rate_imu: the gyro's reading, (m, 3), or its magnitude, (m,) [rad/s].
-        settings: delays and priors.
-
-    Raises:
-        DataError: nothing rotates, or the two do not show the same motion.
+    ``t_ref`` [s], (n,), is uniform, ``rate_ref`` [rad/s], (n, 3), in a frame of the link; ``t_imu`` [s], (m,), may lack
+    samples, ``rate_imu`` [rad/s], (m, 3), is the gyro's reading; of both rates the magnitudes will do.
     """
     s = SyncSettings() if settings is None else settings
     t_ref, r, t_imu, y = _checked(t_ref, rate_ref, t_imu, rate_imu, s)
@@ -172,6 +155,28 @@ def _coarse(
     if score < s.agreement:
         return None
     return float(t_ref[0] - t[0] + lag * step), score
+
+
+def best_lag(a: Floats, b: Floats) -> tuple[float, float]:
+    """Return by how many samples ``b`` begins after ``a`` and the coefficient; short or still overlaps do not count."""
+    size = 1 << int(np.ceil(np.log2(len(a) + len(b))))
+    A, A2, ones_a = (np.fft.rfft(x, size) for x in (a, a * a, np.ones_like(a)))
+    B, B2, ones_b = (np.conj(np.fft.rfft(x, size)) for x in (b, b * b, np.ones_like(b)))
+    n, sa, sb, ab, aa, bb = (
+        np.fft.irfft(x, size)
+        for x in (ones_a * ones_b, A * ones_b, ones_a * B, A * B, A2 * ones_b, ones_a * B2)
+    )
+    n = np.maximum(n, 1e-9)
+    va, vb = np.maximum(aa - sa**2 / n, 0.0), np.maximum(bb - sb**2 / n, 0.0)
+    shorter = min(len(a), len(b))
+    enough = (n > 0.5 * shorter) & (vb > 0.1 * np.max(vb)) & (va > 1e-3 * np.max(va))
+    score = np.where(enough, (ab - sa * sb / n) / np.sqrt(np.maximum(va * vb, 1e-12)), -1.0)
+    # a lag that fits only where little overlaps must not beat the full overlap
+    k = int(np.argmax(score * np.sqrt(np.minimum(n / shorter, 1.0))))
+    left, mid, right = score[k - 1], score[k], score[(k + 1) % size]
+    curve = left - 2.0 * mid + right
+    part = 0.5 * (left - right) / curve if curve < 0.0 and min(left, right) > -1.0 else 0.0
+    return float((k if k < len(a) else k - size) + part), float(mid)
 
 
 def _smoothed(t: Floats, x: Floats, smoothing: float) -> tuple[Floats, Floats, Mask]:

@@ -1,14 +1,9 @@
 """An adaptive extended Kalman filter for orientation, with body-acceleration rejection.
 
-After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without the magnetometer and
-with the gyro's bias as a state. States: quaternion (sensor to earth) and gyro bias:
+After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without magnetometer; states: quaternion (sensor
+to earth) and gyro bias. The accelerometer corrects where its magnitude has been within ``gate`` of g for ``hold``.
 
     q[k+1] = q[k] exp((y - b) h)        y_acc = R(q)' (0, 0, g) + noise
-
-The accelerometer corrects only where its magnitude has stayed within ``gate`` of g for ``hold``;
-that is the adaptive part: a moving sensor is integrated, a resting one levelled. (A magnitude that
-merely passes through g says nothing, hence the hold.) The smoother runs Rauch-Tung-Striebel over
-the same states afterwards. :func:`transition` and :func:`gravity_rows` are the analytic Jacobians.
 """
 
 from __future__ import annotations

@@ -30,11 +30,7 @@ def driven(system: tuple[Sequence[float], Sequence[float]], x: Floats, step: flo
 
 
 def high_passed(t: Floats, angle: Floats, corner: float) -> Floats:
-    """Return angles (n, ...) without what is slower than ``corner`` [Hz], zero phase, fourth order.
-
-    Raises:
-        DataError: the record is too short for that corner.
-    """
+    """Return angles (n, ...) without what is slower than ``corner`` [Hz], zero phase; DataError if too short."""
     step = float(np.median(np.diff(t)))
     if len(t) * step * corner < 2.0:
         raise DataError(f"a record of {len(t) * step:.2g} s is too short for a {corner} Hz corner")

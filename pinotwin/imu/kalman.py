@@ -1,10 +1,7 @@
-"""A Kalman filter and Rauch-Tung-Striebel smoother for linear, time-varying models.
+"""Kalman filter and smoother for linear, time-varying models (Rauch, Tung and Striebel 1965, DOI 10.2514/3.3166).
 
-    x[k+1] = F[k] x[k] + u[k] + w[k],  w ~ N(0, Q[k])
-    z[k]   = H[k] x[k] + e[k],         e ~ N(0, r[k])
-
-Measurements of one time are independent of each other and are used one by one; a variance of
-infinity leaves one out. Rauch, Tung and Striebel 1965, DOI 10.2514/3.3166.
+x[k+1] = F[k] x[k] + u[k] + w[k],  w ~ N(0, Q[k])
+z[k]   = H[k] x[k] + e[k],         e ~ N(0, r[k]) independent; a variance of infinity leaves one out
 """
 
 from __future__ import annotations

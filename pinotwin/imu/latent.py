@@ -1,12 +1,9 @@
 """What the mode does not explain: hysteresis, hardening, forces from outside.
 
-The remainder e of the deflection is the response of the same mode to an unknown force f, a
-Gauss-Markov process, smoothed over what gyro and accelerometer leave:
+The remainder e of the deflection is the response of the mode to an unknown force f, a Gauss-Markov process whose size
+follows by maximum likelihood; the spring keeps e from being an integral of the gyro's errors:
 
     e'' + 2 zeta wn e' + wn² e = f,   f' = -f / tau + noise        z_g = e' + b,   z_a = c e''
-
-The spring keeps e from being an integral of the gyro's errors. The size of f follows by maximum
-likelihood; if it goes to its lower bound the mode explains everything.
 """
 
 from __future__ import annotations

@@ -16,10 +16,8 @@ def white_level(x: Floats) -> Floats:
 def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:
     """Return where a sensor rests, (n,), by rates [rad/s] and forces [m/s²], (n, 3) each, at ``rate`` [Hz].
 
-    A window of 0.3 s rests when the standard deviations of rate and force in it are within twice those of
-    the quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest
-    windows count only if their readings scatter like noise and not like motion (von Neumann's
-    ratio of successive differences) about a rate that can be a bias; else the mask is empty.
+    Windows of 0.3 s with deviations within twice those of the quietest (2 % quantile) and with their mean rate; these
+    must scatter like noise (von Neumann's ratio) about a rate that can be a bias, else the mask is empty.
     """
     m = max(8, round(0.3 * rate))
     if len(gyr) < 2 * m:

@@ -1,17 +1,12 @@
 """Orientation of a sensor whose place stays bounded: a smoother over the whole record.
 
-A low-passed accelerometer shows the vertical because a body that stays in the room cannot keep
-accelerating (VQF low-passes it with 3 s: Laidig and Seel 2023, DOI 10.1016/j.inffus.2022.10.014).
-That is the second integral of the acceleration being bounded, and saying so outright uses far more
-of it: a tilt error e shows as a position error g e T²/2, 8.6 m for 1 deg over 10 s. The states are
-
-    orientation error e (earth frame), velocity, position, gyro bias, gyro matrix (scale,
-    non-orthogonality), accelerometer bias, deviation of g
+A body that stays in the room cannot keep accelerating (VQF low-passes with 3 s: Laidig and Seel 2023, DOI
+10.1016/j.inffus.2022.10.014): a tilt error e is a position error g e T²/2, 8.6 m for 1 deg over 10 s. States: error e
+(earth frame), velocity, position, biases of gyro and accelerometer, gyro matrix, deviation of g:
 
     e' = -R (db + dK y)        v' = R f + e x (R f) - R da - dg z        p' = v
 
-with the pseudo-measurements "position 0 +- sigma_p" and "velocity 0 +- sigma_v" of correlation time
-tau. All are smoothed together, in blocks, about a strapdown solution, and relinearised a few times.
+measured: position 0 +- sigma_p, velocity 0 +- sigma_v of correlation time tau; smoothed in blocks, relinearised.
 """
 
 from __future__ import annotations
@@ -40,14 +35,12 @@ class Bounds:
     position: float = 0.5  # how far the sensor strays from its mean place [m]
     velocity: float = 1.0  # how fast it moves [m/s]
     tau: float = 1.0  # correlation time of both [s]
-    # density of the gyro's noise, with an allowance for unmodelled errors [rad/s/sqrt(Hz)]
-    gyro_noise: float = 5e-4
+    gyro_noise: float = 5e-4  # density of noise and unmodelled errors [rad/s/sqrt(Hz)]
     accel_noise: float = 0.02  # likewise of the accelerometer [m/s²/sqrt(Hz)]
     bias: float = 0.02  # first gyro bias [rad/s]
     bias_walk: float = 2e-4  # its random walk [rad/s/sqrt(s)]
     gyro_matrix: float = 3e-3  # scale and misalignment of the gyro [-]
-    # accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless the sensor turns
-    accel_bias: float = 5e-3
+    accel_bias: float = 5e-3  # [m/s²]; small: only a sensor that turns tells it from a tilt
     g: float = 9.81  # gravity [m/s²]
     gravity: float = 0.05  # its deviation
     block: float = 0.03  # length of the blocks that the smoother steps over [s]

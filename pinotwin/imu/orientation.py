@@ -21,10 +21,7 @@ def orientation(
     """Return quaternions (n, 4), sensor to earth (z up), heading as at the start, from rates [rad/s] and forces [m/s²].
 
     ``method`` is "vqf" (offline; Laidig and Seel 2023, doi:10.1016/j.inffus.2022.10.014), "offline" our smoother, "ekf"
-    the adaptive filter (thesis Fig. 6-5) or "smoother" its two-way form; ``rule`` as in :func:`rot.increments`.
-
-    Raises:
-        DataError: arrays that do not fit, that are not finite, or an unknown method.
+    the adaptive filter (thesis Fig. 6-5) or "smoother" its two-way form. DataError for arrays that are of no use.
     """
     gyr, acc = np.ascontiguousarray(gyr, dtype=float), np.ascontiguousarray(acc, dtype=float)
     if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3:

@@ -2,15 +2,11 @@
 
     gyro   y = (I + diag(s)) (I + N) u + a |u| + c u³ + G f_s + b(t),    u = R_ST (w + axis delta')
     accel  y = (I + E) R_ST f + b_a
-    f      = a - R' g + (w' x + w x w x) p + delta'' axis x (arm + p)
+    f      = a - R' g + (w' x p + w x w x p) + delta'' axis x (arm + p)
              + delta' [(axis x w) x p + axis x (w x p) + w x (axis x p)] - delta axis x f0
 
-(f0: f without delta).
-
-Everything is taken at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is
-linear in the load's gains, the sag and the start; small parameters enter linearly, so Gauss-Newton
-converges in a few rounds. Shared parameters come first, those of the run last; :class:`Layout`
-names the columns.
+(f0: f without delta), at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is linear in the load's
+gains, the sag and the start; :class:`Layout` names the columns: shared parameters first, those of the run last.
 """
 
 from __future__ import annotations

@@ -100,13 +100,7 @@ class BatchResult:
 
 
 def run_result(
-    m: RunModel,
-    theta: Floats,
-    cov: Floats,
-    lay: Layout,
-    clock: ClockFit,
-    left: Remainder,
-    p: Priors,
+    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder, p: Priors
 ) -> RunResult:
     """Return one run's result from its parameters, their covariance and the remainder."""
     rows = slice(None, None, m.fine.factor)
@@ -200,17 +194,9 @@ def predict_readings(
 ) -> tuple[Floats, Floats]:
     """Return what another IMU on the same link should read: gyro and accelerometer, (m, 3) each.
 
-    The decisive test of a deflection: two IMUs fitted to one encoder agree by construction, but one
-    predicts the other's raw signals only if the deflection is right.
-
-    Args:
-        servo: the run as the machine saw it.
-        imu: the other IMU's record; only its stamps are used.
-        run: the deflection found with the first IMU.
-        R_link_sensor: the other IMU's mounting R_S/T.
-        position: its place in the link frame [m], (3,).
-        clock: its clock fit.
-        priors: its low-pass corners and the machine's gravity.
+    The test of a deflection: IMUs fitted to one encoder agree by construction, but one predicts the other's raw signals
+    only if ``run``, found with the first, is right. Of ``imu`` only the stamps are used; ``R_link_sensor`` (R_S/T),
+    ``position`` [m] in the link frame, (3,), and ``clock`` are its own; ``priors`` its low-pass and gravity.
     """
     model = RunModel(servo, imu, priors, clock.to_ref(imu.t))
     deflection = np.stack([run.angle, run.velocity, run.acceleration], axis=1)

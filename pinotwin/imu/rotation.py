@@ -1,17 +1,12 @@
 """Rotations: quaternions, the exponential map, and exact strapdown integration.
 
-A quaternion is ``(w, x, y, z)``, unit, and turns a vector of the sensor into the earth frame,
-``u_earth = q u_sensor q*``; its matrix is ``R_earth_sensor``, the transpose of the thesis' R_S/G.
-With the body rate w(t) [rad/s] its kinematics are ``q' = q (0, w) / 2``.
+A quaternion ``(w, x, y, z)`` turns a vector of the sensor into the earth frame; its matrix is the transpose of the
+thesis' R_S/G. The thesis steps R to first order (Eq. 6.8), which leaves SO(3); exact is ``exp(phi)`` with Bortz's
+rotation vector (1971, DOI 10.1109/TAES.1971.310252), for rates a and b at the ends of the step h
 
-Strapdown. The thesis steps R by its first-order expansion (Eq. 6.8), which leaves SO(3). Over a
-step the exact increment is ``exp(phi)`` with Bortz's rotation vector (Bortz 1971, DOI
-10.1109/TAES.1971.310252); for rates a and b at the ends of the step h
+    phi = integral of w over the step + h^2 / 12 (a x b) + O(h^5),   a x b: coning
 
-    phi = integral of w over the step + h^2 / 12 (a x b) + O(h^5),
-
-where the second term is the coning correction. Between the samples the rate is a cubic through four
-of them, so that the whole is of fourth order: (-w0 + 13 a + 13 b - w3) h / 24.
+The integral is of a cubic through four rates (fourth order): (-w0 + 13 a + 13 b - w3) h / 24.
 """
 
 from __future__ import annotations

@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of gravity in the machine frame [m/s²]."""
+GRAVITY = np.array([0.0, 0.0, -9.81])  # acceleration of gravity in the machine frame [m/s²]
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,7 @@ class Priors:
     log_damping: float = 0.7  # of ln(damping)
     position: Floats = field(default_factory=lambda: np.zeros(3))  # the sensor in the link frame [m], (3,)
     position_sd: float = 0.3  # its standard deviation
-    # acceleration of gravity in the machine frame, (3,)
-    gravity: Floats = field(default_factory=lambda: GRAVITY)
+    gravity: Floats = field(default_factory=lambda: GRAVITY)  # in the machine frame [m/s²], (3,)
     gravity_sd: float = 0.6  # per component
     gyro_cutoff: float = np.inf  # corner of the gyro's second-order low-pass [Hz], inf for none
     accel_cutoff: float = np.inf  # of the accelerometer's

@@ -1,7 +1,6 @@
 """The channels of a bound log as arrays of a machine's joints, and the stretches that can be used.
 
-Everything a log can lack is refused here with the channel's name and a remedy. Nothing is repaired:
-an infinite value counts as missing, and a missing value in any channel that is used ends a stretch.
+Nothing is repaired: an infinite value counts as missing, a missing one in a channel that is used ends a stretch.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from pinotwin.logs.quality.sampling import implausible_clock
 from pinotwin.machine import Machine
 from pinotwin.signals import clock, segments
 
-SHORTEST = 20
-"""Samples below which a stretch is of no use."""
+SHORTEST = 20  # samples below which a stretch is of no use
 
 
 def usable(machine: Machine, log: Log) -> Log:
@@ -140,12 +138,10 @@ def has_commands(machine: Machine, log: Log) -> bool:
 
 
 def efforts(machine: Machine, log: Log) -> Floats:
-    """Return joint efforts ``tau = N^T tau_motor``, shape (n, nv).
+    """Return joint efforts ``tau = N^T tau_motor`` [N or N·m], shape (n, nv).
 
-    NaN where a motor that acts on the joint has no channel, or one that never changes: that is not
-    wired or not recorded, and fitting it would find a machine without friction. NaN for a passive
-    joint too: its own equation has effort zero, and a row without a scale cannot be weighed beside
-    motors (see :mod:`pinotwin.reconstruction.flexible`).
+    NaN where a motor that acts on the joint has no channel, or a constant one: fitted, that is a machine without
+    friction. NaN for a passive joint: its effort is zero, and a row without a scale cannot be weighed beside motors.
     """
     motor = np.full((len(log), machine.nv), np.nan)
     for name, axis in machine.axes.items():

@@ -53,19 +53,12 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, repr=False)
 class Check(Card):
-    """What the examination of a machine, and of a log with it, found.
+    """What the examination of a machine, and of a log with it, found."""
 
-    Attributes:
-        machine: the machine.
-        findings: about machine and log, gravest first.
-        quality: of the log, None without one.
-        excited: what the log can tell of the base parameters, None where it cannot be said.
-    """
-
-    machine: Machine
-    findings: tuple[Finding, ...]
-    quality: Quality | None = None
-    excited: Excitation | None = None
+    machine: Machine  # the machine
+    findings: tuple[Finding, ...]  # about machine and log, gravest first
+    quality: Quality | None = None  # of the log, None without one
+    excited: Excitation | None = None  # what the log can tell of the base parameters; None where unknown
     determined: Mapping[str, bool] = field(default_factory=dict)
 
     @property
@@ -74,7 +67,6 @@ class Check(Card):
         return not any(finding.severity == "error" for finding in self.findings)
 
     def _shown(self) -> Shown:
-        """Return the findings but for mere facts, for a notebook and for ``repr``."""
         rows = [(f.severity, f.channel, f.message) for f in self.findings if f.severity != "info"]
         known = f"{sum(self.determined.values())} of " if self.determined else ""
         told = f"{known}{len(self.machine.base)} base parameters" + (" can be identified" if known else "")

@@ -1,8 +1,7 @@
 """Whether the command was recorded late: a controller cannot answer to what has not been commanded yet.
 
-Its effort is linear in error, integral, speed and the command's derivatives. With the command as it was logged this
-fits best at once, or with a command from before where the drive delays it; with one from later only where the log
-has it late, also with dry friction beside. Errors of blocks of 1 s that were left out say how sure that is.
+Its effort is linear in error, integral, speed, dry friction and the command's derivatives. It fits best with a later
+command only where the log has that late, by blocks of 1 s that were left out.
 """
 
 from __future__ import annotations

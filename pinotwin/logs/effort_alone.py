@@ -1,8 +1,4 @@
-"""What an effort tells by itself: whether it is one, at which instant it acts, its sign, its size.
-
-It is explained by the base parameters of the machine, whatever their values, and by friction of its own axis (both
-linear). A jackknife over blocks of the log says how sure a lag, a sign, a size is.
-"""
+"""What an effort tells by itself: whether it is one, at which instant it acts, its sign, its size, by a jackknife."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Which two axes have each other's effort, or each other's position; whose position is reversed.
 
-An effort that was logged under another name fits the motion of that other axis. Positions under each other's
-names, and one that runs the other way, spoil the efforts of all axes: the whole machine is tried with them put back.
+Exchanged efforts fit the motion of the other axis; wrong positions spoil all efforts: the machine is tried anew.
 """
 
 from __future__ import annotations
@@ -19,12 +18,11 @@ from pinotwin.logs.quality.results import finding
 from pinotwin.logs.settings import Settings
 from pinotwin.machine import Machine
 
-_CODES = {
+_CODES = {  # what was found -> signal, code
     "effort": ("u", "effort_exchanged"),
     "position": ("q", "position_exchanged"),
     "sign": ("q", "position_sign"),
 }
-"""What was found -> signal, code."""
 
 
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
@@ -57,8 +55,7 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
 def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Yield what would go unnamed if it were so: ("effort" or "position", two axes), ("sign", an axis).
 
-    The log is spoiled on its ``sound`` axes, and what :func:`exchanged` would make of that is asked; as twice exchanged
-    is as it was, the log itself may be the spoiled one as well. The efforts ``u`` are of a whole motion, shape (n, nv).
+    The log is spoiled on ``sound`` axes: twice exchanged is as it was. ``u``: of a whole motion, shape (n, nv).
     """
     limit, of = at.settings, {axis.name: axis for axis in explained(machine, u, at)}
     own = {name: axis.left for name, axis in of.items()}

@@ -1,7 +1,6 @@
-"""An effort and what may cause it: the base parameters of the machine, whatever their values, and friction.
+"""An effort and what may cause it: base parameters of the machine, whatever their values, and friction.
 
-Both are linear, so that the share of an effort that no values of them account for is a projection. It says
-whether a motion can be that of an effort at all, on which axis, at which instant and with which sign.
+Both are linear: the share of an effort that no values of them account for is a projection.
 """
 
 from __future__ import annotations

@@ -1,13 +1,8 @@
 """Whether the efforts of a log can be those of the machine: sign, axis, instant, unit.
 
-Nothing is fitted for its own sake here. Each effort is explained by the base parameters of the machine, whatever
-their values, and by friction of its own axis (both linear), and the tests only use what no machine can break:
-friction takes power out of a motion, an effort acts at once, on its own axis, and with the size that the
-URDF's masses ask for, give or take a few times. A jackknife over blocks of the log says how sure a sign is.
-
-What would not be seen on this motion if it were so is said too: each axis of which nothing was found is spoiled
-once more, and the same tests are asked. What they do not name they could not have named in the log itself either:
-two axes that move alike, an effort that is nearly all friction.
+The tests use what no machine can break: friction takes power out of a motion, an effort acts at once, on its own
+axis, and with the size that the URDF's masses ask for, give or take a few times. An axis of which nothing was found
+is spoiled once more: what the same tests do not name then, they could not have named in the log itself.
 """
 
 from __future__ import annotations
@@ -85,10 +80,7 @@ def unit_findings(log: Log) -> list[Finding]:
 
 @one_blas_thread
 def unseen(machine: Machine, motion: Motion, efforts: Examined, most: int = 12) -> list[Finding]:
-    """Say in one line what would go unnamed on this motion, tried on a thousand of its rows; of so many axes at most.
-
-    Every pair of axes is exchanged, and each time all axes are explained anew: 100 axes would take a day.
-    """
+    """Say in one line what would go unnamed, tried on 1000 rows; of ``most`` axes, as pairs of 100 would take a day."""
     if len(efforts.sound) > most:
         return [finding("not_tried", most=most)]
     at, sound = efforts.at.thinned(1000), [axis.name for axis in efforts.sound]

@@ -1,10 +1,7 @@
 """From a log to a motion: SI names, joint coordinates, one filter for every channel, rows chosen.
 
-Positions are low-passed without phase shift and differentiated by central differences; commands,
-efforts and external loads go through the same filter, so that no channel leads another. The clock is made
-even and holes of a sample or two are bridged (:mod:`pinotwin.logs.clock`, said in the motion's notes); nothing
-else is repaired: a longer hole or a jump of the clock splits the log into stretches, and missing values do
-too. An axis that only trembles with the noise of its encoder is taken as standing still.
+Positions are low-passed without phase shift and differentiated; all else goes through the same filter, so that no
+channel leads another. The clock is made even (:mod:`pinotwin.logs.clock`); longer holes and jumps split the log.
 """
 
 from __future__ import annotations
@@ -275,11 +272,7 @@ def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> L
 
 @dataclass(frozen=True)
 class Smoother:
-    """The one filter that every channel of a log goes through.
-
-    With ``sharp`` derivatives are differences of fourth order: the usual ones lose 3 % of a 20 Hz
-    acceleration that is sampled at 400 Hz, which a structural mode does not forgive.
-    """
+    """The one filter of every channel; ``sharp`` slopes are of fourth order: others lose 3 % of 20 Hz at 400 Hz."""
 
     step: float
     cutoff: float

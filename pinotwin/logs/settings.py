@@ -46,5 +46,4 @@ class Settings:
     clear: float = 0.05  # share left of an effort from which its position is doubted
 
 
-USUAL = Settings()
-"""The settings of a call that names none."""
+USUAL = Settings()  # the settings of a call that names none

@@ -17,11 +17,7 @@ def machines() -> dict[str, Path]:
 
 @cache
 def robots() -> dict[str, Path]:
-    """Return the robots of example-robot-data: name -> URDF; none when it is not installed.
-
-    A robot goes by the name of its file (``ur5_robot``), by that without ``_robot`` (``ur5``), and, when
-    it is alone in its folder, by the folder's (``hyq``); a name that would mean two files is left out.
-    """
+    """Return example-robot-data's robots: name -> URDF; by file (``ur5_robot``, ``ur5``) or only one in a folder."""
     within = "share/example-robot-data/robots"  # beside the Pinocchio that is in use: wheels, conda, ROS
     root = next((p / within for p in Path(pin.__file__).parents if (p / within).is_dir()), None)
     if root is None:

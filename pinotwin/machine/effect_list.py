@@ -50,7 +50,6 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
 
 
 def _kind(name: Any, where: str) -> type[Effect]:
-    """Return the class of an effect that an axis may list."""
     if isinstance(name, str) and ":" not in name and name not in (names := known()):
         usable = [n for n, kind in names.items() if not kind.unlisted]
         raise MachineError(f"{where}: unknown effect {name!r}; {nearest(name, usable)}")

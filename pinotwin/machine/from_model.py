@@ -1,8 +1,6 @@
 """A ``pin.Model`` that came without a file, as a machine: its tree is written out as a URDF.
 
-A machine's tree is a URDF everywhere else (it is saved, viewed and written back with other inertias), so
-one is made of the model: links with the inertias, joints with axes and limits, frames as massless links
-on fixed joints. What a URDF cannot say is refused here, in one line, and not when the twin is saved.
+A machine is saved, viewed and written back as one; what a URDF cannot say is refused here, not when that is done.
 """
 
 from __future__ import annotations
@@ -115,10 +113,9 @@ def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[An
 
 
 def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
-    """Return the machine with further effects beside those that it lists.
+    """Return the machine with further effects, of every axis or by axis: names, mappings, classes, or effects.
 
-    They are of every axis, or axis -> its own: names or mappings as in machine.yaml, classes, or effects (these act on
-    their own axis). One that an axis lists already, and may list once, stays as it is.
+    One that an axis lists already, and may list once, stays as it is.
     """
     if isinstance(effects, str):
         raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")

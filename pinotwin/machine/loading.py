@@ -161,7 +161,6 @@ def _joints(urdf: Path, parts: Mapping[str, Mapping[str, Any]]) -> dict[str, str
 
 
 def _place(name: str, joint: str, model: pin.Model) -> dict[str, Any]:
-    """Return where a part is in the machine's arrays."""
     at = model.getJointId(joint)
     rotary = model.joints[at].shortname().startswith("JointModelR")
     return {"name": name, "joint": joint, "index": int(model.idx_vs[at]), "rotary": rotary}

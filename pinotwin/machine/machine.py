@@ -70,9 +70,8 @@ class Machine(Card):
         """Read a machine from its folder, its machine.yaml, a bare URDF, or by name.
 
         Args:
-            path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default
-                effects), one of :func:`pinotwin.machines`, or a robot of example-robot-data,
-                e.g. ``"ur5"``.
+            path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default effects), one of
+                :func:`pinotwin.machines`, or a robot of example-robot-data, e.g. ``"ur5"``.
 
         Raises:
             MachineError: with the file, the key and the remedy.
@@ -92,19 +91,18 @@ class Machine(Card):
     ) -> Machine:
         """Make a machine of a ``pin.Model`` in hand, without a file.
 
-        Joints that are no axis are locked at neutral. The tree becomes a URDF, so :meth:`save` writes
-        one, ``model.gravity`` becomes ``gravity:`` of machine.yaml, damping and friction are kept; mimic joints are
-        refused here, geometry is not in a model and gets lost. The machine's joints are in the order in which
-        Pinocchio reads a URDF (siblings by name): address them by name.
+        Joints that are no axis are locked at neutral. The tree becomes a URDF, which :meth:`save` writes. Gravity,
+        damping and friction are kept, mimic joints refused; geometry (not in a model) is lost. The joints are in the
+        order in which Pinocchio reads a URDF (siblings by name): address them by name.
 
         Args:
             model: Pinocchio model; ``armature`` becomes the axes' rotor inertia.
-            axes: joints that are axes (all of one degree of freedom when None), or joint -> its effects,
-                as in machine.yaml (``["viscous", {"ripple": {"period": 0.01}}]``) or as
-                :class:`pinotwin.Effect`, or joint -> the whole entry under ``axes`` of machine.yaml.
+            axes: joints that are axes (all of one degree of freedom when None), or joint -> its effects, as in
+                machine.yaml (``["viscous", {"ripple": {"period": 0.01}}]``) or as :class:`pinotwin.Effect`, or
+                joint -> the whole entry under ``axes`` of machine.yaml.
             name: of the machine; the model's own when None.
-            effects: what an axis without a list of its own has, viscous and Coulomb friction when None:
-                names, classes (own ones too), or effects (each on its own axis).
+            effects: what an axis without a list of its own has, viscous and Coulomb friction when None: names,
+                classes (own ones too), or effects (each on its own axis).
 
         Raises:
             MachineError: with what cannot be a machine, and the remedy.
@@ -162,11 +160,7 @@ class Machine(Card):
         return (self.rigid_body, *(effect.bound(tree) for effect in (*of_axes, *springs)))
 
     def axis(self, name: str) -> Axis:
-        """Return an axis.
-
-        Raises:
-            MachineError: there is none of that name.
-        """
+        """Return an axis; MachineError if there is none of that name."""
         require(name, self.axes, f"{self.name}: no axis", MachineError)
         return self.axes[name]
 
@@ -177,11 +171,7 @@ class Machine(Card):
         return replace(self, axes=axes)
 
     def with_meshes(self, folder: str | Path | None) -> Machine:
-        """Return the machine with its meshes looked for in a folder first; None: the machine itself.
-
-        Raises:
-            InputError: there is no such folder.
-        """
+        """Return the machine with its meshes looked for first in a folder (None: itself); InputError without it."""
         if folder is None:
             return self
         if not Path(folder).is_dir():
@@ -211,7 +201,6 @@ class Machine(Card):
         return q
 
     def _shown(self) -> Shown:
-        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = [
             (a.name, a.joint, "rotary" if a.rotary else "linear", ", ".join(e.title for e in a.effects))
             for a in self.axes.values()

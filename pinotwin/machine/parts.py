@@ -76,23 +76,14 @@ class Axis:
 
 @dataclass(frozen=True)
 class Passive:
-    """A joint without motor or encoder, held by a spring and a damper.
+    """A joint without motor or encoder, held by a spring and a damper."""
 
-    Attributes:
-        name: how results name it.
-        joint: its joint in the URDF.
-        index: its column in the machine's arrays.
-        rotary: True for rad, False for m.
-        stiffness: nominal stiffness [N/m or N·m/rad], None when unknown.
-        damping: nominal damping [N·s/m or N·m·s/rad], None when unknown.
-    """
-
-    name: str = field(metadata=from_file())
-    joint: str
-    index: int = field(metadata=from_file())
-    rotary: bool = field(metadata=from_file())
-    stiffness: NotNegative | None = None
-    damping: NotNegative | None = None
+    name: str = field(metadata=from_file())  # how results name it
+    joint: str  # its joint in the URDF
+    index: int = field(metadata=from_file())  # its column in the machine's arrays
+    rotary: bool = field(metadata=from_file())  # True for rad, False for m
+    stiffness: NotNegative | None = None  # nominal stiffness [N/m or N·m/rad], None when unknown
+    damping: NotNegative | None = None  # nominal damping [N·s/m or N·m·s/rad], None when unknown
 
 
 @dataclass(frozen=True)
@@ -105,53 +96,40 @@ class Imu:
 
 @dataclass(frozen=True)
 class LoopShape:
-    """An axis' closed loop (thesis Eq. 4.14), the free black box of it.
+    """An axis' closed loop (thesis Eq. 4.14), the free black box of it."""
 
-    Attributes:
-        real_poles: all real poles, those of the feed-forward included.
-        pole_pairs: complex pairs.
-        feedforward_poles: preassigned poles that make the feed-forward causal [Hz], ``"search"`` for one double
-            pole that is searched, () for none; None for two at the sampling frequency.
-        numerators: ``"exact"``, or ``"source"`` for disturbance numerators without the feed-forward's poles.
-        bounds: of the search, by parameter (``p1``, ``wn1``, ``zeta1``, ``pff``) [Hz] or [-].
-        closed_on: which position the controller regulates: of the ``motor`` or, measured by a second encoder
-            (channel ``<axis>.ql``), of the ``load``.
-        stated: whether anything of the black box was given.
-    """
-
-    real_poles: _Poles = 3
-    pole_pairs: _Poles = 1
+    real_poles: _Poles = 3  # all real poles, those of the feed-forward included
+    pole_pairs: _Poles = 1  # complex pairs
+    # preassigned poles that make the feed-forward causal [Hz], ``"search"`` for one double pole that is
+    # searched, () for none; None for two at the sampling frequency
     feedforward_poles: tuple[float, ...] | Literal["search"] | None = field(
         default=None, metadata=from_file(_Feedforward)
     )
-    numerators: Literal["exact", "source"] = "exact"
+    numerators: Literal["exact", "source"] = "exact"  # "source": disturbance's without feed-forward poles
+    # of the search, by parameter (``p1``, ``wn1``, ``zeta1``, ``pff``) [Hz] or [-]
     bounds: Mapping[str, tuple[float, float]] = field(
         default_factory=dict, metadata=from_file(dict[str, _Ends])
     )
+    # which position the controller regulates: of the ``motor`` or, measured by a second encoder (channel
+    # ``<axis>.ql``), of the ``load``
     closed_on: Literal["motor", "load"] = "motor"
-    stated: bool = field(default=True, metadata=from_file())
+    stated: bool = field(default=True, metadata=from_file())  # whether anything of the black box was given
 
 
 @dataclass(frozen=True)
 class DataSettings:
-    """How a log of this machine is prepared; None leaves the choice to the data.
+    """How a log of this machine is prepared; None leaves the choice to the data."""
 
-    Attributes:
-        cutoff: corner of the zero-phase low-pass [Hz].
-        order: order of the Butterworth filter.
-        decimate: keep one row in so many when fitting.
-        filter_effort: low-pass the effort as well (positions always are).
-        drop: samples to drop at the start and at the end of a stretch.
-        resample: rate of the even clock that logs are put on [Hz]; None keeps theirs.
-        leave_out: rows that are no measurement, by time or by the value of a channel such as a feed rate.
-    """
-
-    cutoff: Positive | None = None
+    cutoff: Positive | None = None  # corner of the zero-phase low-pass [Hz]
+    # order of the Butterworth filter
     order: Annotated[int, Meta(ge=1, le=10, description="a whole number from 1 to 10")] = 4
+    # keep one row in so many when fitting
     decimate: Annotated[int, Meta(ge=1, description="a whole number from 1")] | None = None
-    filter_effort: bool = True
+    filter_effort: bool = True  # low-pass the effort as well (positions always are)
+    # samples to drop at the start and at the end of a stretch
     drop: tuple[int, int] | None = field(default=None, metadata=from_file(_Drop))
-    resample: Positive | None = None
+    resample: Positive | None = None  # rate of the even clock that logs are put on [Hz]; None keeps theirs
+    # rows that are no measurement, by time or by the value of a channel such as a feed rate
     leave_out: tuple[LeftOut, ...] = field(default=(), metadata=from_file(_Rows))
 
 

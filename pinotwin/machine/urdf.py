@@ -1,7 +1,6 @@
 """From a URDF file to the ``pin.Model`` of the joints that matter, and back with other inertias.
 
-Pinocchio turns a ``continuous`` joint into a (cos, sin) pair; identification needs one number a joint.
-So the checked XML is rewritten here, and the joints that are no axis are locked at zero.
+Pinocchio makes (cos, sin) of a ``continuous`` joint, where identification needs one number: the XML is rewritten.
 """
 
 from __future__ import annotations
@@ -99,11 +98,9 @@ def no_urdf_holds(model: pin.Model) -> bool:
 
 
 def impossible_bodies(model: pin.Model) -> dict[str, str]:
-    """Return the joints that move a body which cannot exist, and what is wrong with it.
+    """Return the joints that move a body (a link with all that is fixed to it) which cannot exist, and what is wrong.
 
-    A body is what moves as one: a link with all that is fixed to it. Its principal moments of
-    inertia about its centre of mass are positive and none exceeds the sum of the others (one
-    hundredth is left for rounded URDFs).
+    Principal moments of inertia are positive, none above the sum of the others, but for 1 % of rounding.
     """
     out = {}
     for joint in range(1, model.njoints):
@@ -176,9 +173,8 @@ def _mesh_file(name: str, path: Path, meshes: Sequence[Path] = ()) -> Path | Non
 def with_inertias(path: Path, model: pin.Model) -> bytes:
     """Return the URDF text with the moving links' inertials replaced by those of ``model``.
 
-    Comments and foreign tags stay. The inertias of children on fixed (or locked) joints are lumped
-    into the moving link by Pinocchio; here the moving link gets the sum and those children lose
-    their own ``<inertial>``, so that the tree as a whole has the model's inertias.
+    Comments and foreign tags stay. Pinocchio lumps children on fixed (or locked) joints into the moving link: that gets
+    the sum, the children lose their ``<inertial>``.
     """
     root = read_tree(path)
     resolve_meshes(root, path)

@@ -1,7 +1,6 @@
 """Reading a URDF file: what no machine can have is refused with the element that has it.
 
-Pinocchio and urdfdom accept negative masses, massless links, loops (some for ever) and numbers that
-are none; identification needs a tree of physical links. So the XML is checked before they see it.
+Pinocchio and urdfdom accept negative masses, loops (some for ever) and numbers that are none.
 """
 
 from __future__ import annotations
@@ -14,15 +13,12 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.errors import MachineError, nearest, require
 
-MOVING = ("revolute", "continuous", "prismatic")
-"""Joint types with one degree of freedom, which may be axes."""
+MOVING = ("revolute", "continuous", "prismatic")  # joint types with one degree of freedom, which may be axes
 
-SHAPES = ("box", "cylinder", "sphere", "mesh")
-"""What the geometry of a visual or a collision may be."""
+SHAPES = ("box", "cylinder", "sphere", "mesh")  # what the geometry of a visual or a collision may be
 
 
-FREE = ("floating", "planar")
-"""Joint types of a base that is free: held here."""
+FREE = ("floating", "planar")  # joint types of a base that is free: held here
 
 _TYPES = (*MOVING, *FREE, "fixed")
 

@@ -1,9 +1,7 @@
 """IMUs and repeats as one motion, weighted by information.
 
-The plain mean of n runs lowers white noise by sqrt(n) (thesis Eq. 6.11 and Table 6-5) but not what
-each run has of its own, such as a scale error. With a standard deviation s_r per run and a scatter
-between the runs the weights are 1 / (s_r² + scatter²); the scatter follows by the method of moments
-(DerSimonian and Laird 1986, DOI 10.1016/0197-2456(86)90046-2).
+The mean of n runs (thesis Eq. 6.11, Table 6-5) does not lower what each run has of its own, such as a scale error:
+weights are 1 / (s_r² + scatter²), the latter by moments (DerSimonian and Laird 1986, 10.1016/0197-2456(86)90046-2).
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""From servo and IMU logs to the motion of the passive joint: the steps in their order.
-
-Clocks are matched per run, one batch estimate per IMU finds what its runs share and what they do
-not (:mod:`pinotwin.imu.batch`), then IMUs and repeats are combined by information.
-"""
+"""From servo and IMU logs to the motion of the passive joint: clocks, a batch estimate per IMU, all combined."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The flexible plant from servo logs and reconstructed vibrations (thesis Section 7.2).
 
-:func:`pinotwin.identify` does the work once the logs carry the vibration; here the two are joined,
-and the spring's intervals are widened by the reconstruction's own uncertainty of the mode. They hold the scatter
-of the data only: how far a friction law or a joint that is no linear spring moves them stands in docs/vibration.md.
+The spring's intervals are widened by the reconstruction's own uncertainty of the mode; what a friction law or a joint
+that is no linear spring adds to them stands in docs/vibration.md.
 """
 
 from __future__ import annotations
@@ -40,11 +39,7 @@ def identify_flexible(
     vibrations: Vibration | Log | Sequence[Vibration | Log],
     **options: Any,
 ) -> Flexible:
-    """Identify a machine with the vibration of its passive joint; options are those of :func:`pinotwin.identify`.
-
-    Raises:
-        DataError: logs and vibrations do not come in pairs.
-    """
+    """Identify with the vibration of the passive joint; options of :func:`pinotwin.identify`, DataError if no pairs."""
     several = [logs] if isinstance(logs, Log) else list(logs)
     given: list[Vibration | Log]
     given = [vibrations] if isinstance(vibrations, Vibration | Log) else list(vibrations)

@@ -15,12 +15,9 @@ from pinotwin.reconstruction.result import Vibration
 def with_vibration(
     log: Log, vibration: Vibration | Log, joint: str | None = None, *, row: bool = False
 ) -> Log:
-    """Return the servo log with the channel ``<joint>.v`` of the vibration.
+    """Return the servo log with the channel ``<joint>.v`` of the vibration; DataError where that does not cover it.
 
     The velocity is all that the motors' equations take (thesis Eq. 7.2); ``row`` adds ``.q`` and ``.a`` as well.
-
-    Raises:
-        DataError: the vibration has no such channel, or does not cover the log.
     """
     if isinstance(vibration, Vibration):
         vibration = vibration.to_log()

@@ -1,14 +1,11 @@
-r"""What the first pass leaves out of the load, as further columns of a second one.
+"""What the first pass leaves out of the load, as further columns of a second one, each with a free gain.
 
-The first pass takes the joint as a mode of constant inertia. The second adds what its angle q
-implies, each with a free gain: the torque by which the inertia's dependence on the posture differs
-(:func:`pinotwin.reconstruction.servo.posture_column`), and where the mode still leaves too much
+The inertia's dependence on the posture (:func:`pinotwin.reconstruction.servo.posture_column`), and of the angle q
 
     -(q / p)³             hardening,     p the largest deflection
     -z_w(q) / p           hysteresis,    z_w the stop operator of width w = 0.1, 0.2, 0.4 p
 
-A sum of stops is the Prandtl-Ishlinskii operator (Visintin 1994, ISBN 978-3-540-54793-1): it
-follows any rate-independent hysteresis closely, Dahl's included, without knowing its shape.
+A sum of stops (Prandtl-Ishlinskii: Visintin 1994, ISBN 978-3-540-54793-1) follows any rate-independent hysteresis.
 """
 
 from __future__ import annotations
@@ -24,8 +21,7 @@ from pinotwin.machine import Machine
 from pinotwin.reconstruction.servo import Piece, posture_column
 from pinotwin.system.kernels import compiled
 
-WIDTHS = (0.1, 0.2, 0.4)
-"""Widths of the stop operators, as shares of the largest deflection."""
+WIDTHS = (0.1, 0.2, 0.4)  # widths of the stop operators, as shares of the largest deflection
 
 
 def needed(runs: Sequence[RunResult], unexplained: float = 0.01) -> bool:

@@ -33,13 +33,9 @@ class Orientation:
 
 
 def orientation_of_log(log: Log, method: Method = "vqf", *, hole: float = 3.5) -> Orientation:
-    """Return the orientation over an IMU's log.
+    """Return the orientation over an IMU's log; LogError for a channel, clock or hole over 1 s that forbids it.
 
-    A log on an even clock is taken as the sensor's own means; one with jitter or holes is interpolated to
-    an even clock first, and its samples are then instantaneous rates.
-
-    Raises:
-        LogError: a channel is missing, the clock runs backwards, or a hole is longer than a second.
+    On an even clock samples are the sensor's own means; else they are interpolated: instantaneous rates.
     """
     run = imu_run(log)
     gaps = np.diff(run.t)

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.imu.correlate import best_lag
+from pinotwin.imu.clock import best_lag
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 

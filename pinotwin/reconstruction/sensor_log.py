@@ -13,11 +13,7 @@ CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
 
 
 def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (5.0, 30.0)) -> ImuRun:
-    """Return the readings of an IMU's log in SI; rows that lack a number are left out.
-
-    Units are taken to be wrong above ``fastest`` [rad/s], 4000 deg/s, which no axis with an IMU reaches, and where
-    the median specific force cannot be on this planet [m/s²].
-    """
+    """Return an IMU's log in SI, complete rows only; above ``fastest`` [rad/s], 4000 deg/s, its unit is wrong."""
     for name in ("t", *CHANNELS):
         if name not in log:
             raise LogError(

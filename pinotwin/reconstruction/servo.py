@@ -1,8 +1,6 @@
 """A servo log as an IMU would need it: rotation, rate and acceleration of the link, by Pinocchio.
 
-Positions are low-passed without phase shift and differentiated as cubic splines: central
-differences would lose 2 % of a 20 Hz vibration at 400 Hz. Lost samples are bridged by the spline;
-a longer hole splits the log into pieces, each a run of its own.
+Positions are differentiated as cubic splines: central differences would lose 2 % of 20 Hz at 400 Hz.
 """
 
 from __future__ import annotations
@@ -12,17 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from pinotwin import dynamics
 from pinotwin.arrays import Floats, Ints
 from pinotwin.columns import bind
-from pinotwin.dynamics import (
-    frame_acceleration,
-    frame_rotation,
-    frame_velocity,
-    inverse,
-    jacobian,
-    mass_matrix,
-    parameters,
-)
 from pinotwin.errors import DataError
 from pinotwin.imu.runs import ServoRun
 from pinotwin.log import Log
@@ -66,10 +56,9 @@ def pieces(
     bridged: float = 8.5,
     shortest: float = 5.0,
 ) -> list[Piece]:
-    """Return the stretches of a bound log that are long enough, positions low-passed at ``cutoff`` [Hz].
+    """Return stretches of a bound log of ``shortest`` [s] or more, positions low-passed at ``cutoff`` [Hz].
 
-    The spline bridges holes of up to ``bridged`` samples. A stretch is of use from ``shortest`` [s]: some periods
-    of 0.5 Hz, where the dynamic band begins.
+    The spline bridges ``bridged`` samples. The shortest holds some periods of 0.5 Hz, where the dynamic band begins.
     """
     q = joint_positions(machine, log, "q")
     given = np.all([np.isfinite(log[f"{name}.q"]) for name in machine.axes], axis=0)
@@ -109,13 +98,13 @@ def _uniform(t: Floats, q: Floats, step: float, cutoff: float) -> Joints:
 def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoRun:
     """Return what encoders and kinematics say of a link, the passive joint undeflected."""
     model, index = machine.model, machine.passive[joint].index
-    twist = frame_velocity(model, link, motion.q, motion.v)
-    acceleration = frame_acceleration(model, link, motion.q, motion.v, motion.a)
-    column = jacobian(model, link, motion.q)[:, :, index]
+    twist = dynamics.frame_velocity(model, link, motion.q, motion.v)
+    acceleration = dynamics.frame_acceleration(model, link, motion.q, motion.v, motion.a)
+    column = dynamics.jacobian(model, link, motion.q)[:, :, index]
     axis = column[:, 3:]
     return ServoRun(
         t=motion.t,
-        R=frame_rotation(model, link, motion.q),
+        R=dynamics.frame_rotation(model, link, motion.q),
         w=twist[:, 3:],
         a=acceleration[:, :3],
         axis=axis,
@@ -125,14 +114,12 @@ def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoR
 
 
 def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e-3) -> Floats:
-    """Return minus the rigid-body torque at the joint, one column per base parameter, (n, k).
+    """Return minus the rigid-body torque at the joint, a column per base parameter above a share of ``least``, (n, k).
 
-    CAD inertias are 10 to 20 % off, so each column has its own gain. The dynamic part of a column
-    fixes its gain, and with it its static part: the sag by gravity. Columns below the share ``least`` of
-    the whole are left out.
+    CAD inertias are 10 to 20 % off, so each column has its own gain, which its dynamic part fixes, and so the sag.
     """
     index = machine.passive[joint].index
-    beta = machine.base.from_standard(parameters(machine.model))
+    beta = machine.base.from_standard(dynamics.parameters(machine.model))
     row = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
     columns = -row * beta
     size = np.std(columns, axis=0)
@@ -146,15 +133,11 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
 
 
 def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:
-    """Return what the load lacks because the joint moves by ``delta``, (n, 3), (n,): its inertia has changed.
-
-    Minus the difference of the rigid-body torques with and without the deflection, less the mean
-    inertia times its acceleration, which the mode has already.
-    """
-    j = machine.passive[joint].index
+    """Return minus the change of rigid-body torque by ``delta``, (n, 3), without what the mode has already, (n,)."""
+    j, model = machine.passive[joint].index, machine.model
     moved = [x.copy() for x in (motion.q, motion.v, motion.a)]
     for x, column in zip(moved, delta.T, strict=True):
         x[:, j] += column
-    torque = inverse(machine.model, *moved) - inverse(machine.model, motion.q, motion.v, motion.a)
-    mean = float(np.mean(mass_matrix(machine.model, motion.q[::20])[:, j, j]))
+    torque = dynamics.inverse(model, *moved) - dynamics.inverse(model, motion.q, motion.v, motion.a)
+    mean = float(np.mean(dynamics.mass_matrix(model, motion.q[::20])[:, j, j]))
     return mean * delta[:, 2] - torque[:, j]

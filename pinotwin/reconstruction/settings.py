@@ -15,30 +15,19 @@ from pinotwin.machine import Machine
 
 @dataclass(frozen=True)
 class Settings:
-    """How to reconstruct.
+    """How to reconstruct."""
 
-    Attributes:
-        joint: passive joint; may be left out where the machine has one.
-        links: link that carries each IMU; from machine.yaml where left out.
-        imu_cutoff: corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong
-            corner only shifts the clock offset: the delays add up.
-        servo_cutoff: corner of the zero-phase low-pass on the encoders [Hz].
-        delay_tolerance: relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error.
-    """
-
-    joint: str | None = None
-    links: tuple[str | None, ...] = (None, None)
+    joint: str | None = None  # passive joint; may be left out where the machine has one
+    links: tuple[str | None, ...] = (None, None)  # that carry each IMU; from machine.yaml where left out
+    # corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong corner only shifts the
+    # clock offset: the delays add up
     imu_cutoff: float = 140.0
-    servo_cutoff: float = 100.0
-    delay_tolerance: float = 2e-3
+    servo_cutoff: float = 100.0  # corner of the zero-phase low-pass on the encoders [Hz]
+    delay_tolerance: float = 2e-3  # relative uncertainty of the low-pass' delay; goes into the clock's error
 
 
 def passive_joint(machine: Machine, name: str | None) -> str:
-    """Return the name of the passive joint that is meant.
-
-    Raises:
-        MachineError: there is none, it is not the only one, or it slides.
-    """
+    """Return the name of the passive joint that is meant; MachineError if it is none, not the only one, or slides."""
     known = list(machine.passive)
     if not known:
         raise MachineError(

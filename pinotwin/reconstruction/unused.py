@@ -1,8 +1,6 @@
 """The honest test: an IMU that was not used must read what the deflection found by another implies.
 
-Two IMUs fitted to one encoder agree by construction. Its own clock, mounting and place are taken
-from its own estimate; scale, cross-axis terms and bias are fitted to its readings (12 numbers for
-thousands of samples); the deflection comes from the other IMU alone.
+Clock, mounting and place are from its own estimate; scale, cross-axis terms and bias (12 numbers) from its readings.
 """
 
 from __future__ import annotations

@@ -4,9 +4,8 @@
     XYZ-BC      what carries the tool, then what carries the workpiece, each from the base outward
     0-YAC       everything under the workpiece
 
-Letters as in ISO 841: X, Y, Z (and U, V, W) move along x, y, z; A, B, C turn about them. A positive command
-moves the tool relative to the workpiece, so an axis under the workpiece moves the other way. The world is
-x right, y back, z up. Masses and lengths are starting values: ``identify`` finds the inertias from the log.
+ISO 841: X Y Z (U V W) move along x, y, z (right, back, up), A B C turn about them; a positive command moves the tool
+relative to the workpiece. Masses and lengths are starting values: ``identify`` finds the inertias.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ ENDLESS = 1e9
 
 SIZE = {"linear": (0.40, 0.40, 0.15), "rotary": (0.30, 0.30, 0.12)}
 """Box of a carriage and of a rotary body [m]; with the mass it gives a starting inertia."""
-MASS = {"linear": 100.0, "rotary": 40.0}
-"""Starting mass of a carriage and of a rotary body [kg]."""
+MASS = {"linear": 100.0, "rotary": 40.0}  # starting mass of a carriage and of a rotary body [kg]
 TRAVEL = {"linear": (-0.25, 0.25), "tilt": (-2.0, 2.0), "turn": (-ENDLESS, ENDLESS)}
 """Limits where neither an option nor a log gives them [m or rad]."""
 COLOURS = ((0.62, 0.65, 0.68), (0.21, 0.44, 0.60), (0.80, 0.62, 0.24), (0.36, 0.55, 0.40), (0.55, 0.40, 0.55))

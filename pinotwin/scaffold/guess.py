@@ -1,8 +1,7 @@
 """Which column of a log is which channel of a machine, with the reason for every guess.
 
-Names and units are asked first (:mod:`pinotwin.scaffold.names`). Where they do not say, the numbers are: two
-columns that follow each other are command and position, and what inertia and friction of a position explain is
-its effort (:mod:`pinotwin.scaffold.evidence`). What neither says is left open and listed.
+Names and units first (:mod:`.names`), then the numbers (:mod:`.evidence`): columns that follow each other, efforts that
+inertia and friction explain. What neither says is left open and listed.
 """
 
 from __future__ import annotations

@@ -50,7 +50,6 @@ class Start(Card):
     guesses: Guesses | None  # the log's columns, None without a log
 
     def _shown(self) -> Shown:
-        """Return what was assumed and guessed, for a notebook and for ``repr``."""
         guesses = self.guesses or Guesses()
         rows = [("assumed", text) for text in self.said]
         rows += [("guess", f"{g.channel} = {g.column}: {g.reason}") for g in guesses.found]
@@ -213,7 +212,6 @@ def _travel(
 
 
 def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
-    """Return what was taken for granted, one sentence each."""
     sides = f"{' '.join(chain.tool) or 'none'} under the tool, {' '.join(chain.work) or 'none'} under the workpiece"
     said = [f"axes from the base outward: {sides}"]
     for axis in chain.axes:

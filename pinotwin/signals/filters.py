@@ -1,14 +1,8 @@
 """Zero-phase low-pass, differentiation, and decimation of uniformly sampled signals.
 
-A filter that runs forward and backward has no phase: the response is ``|H(f)|^2`` and the corner
-that is asked for lies at half amplitude (-6 dB), as with MATLAB's ``filtfilt``. Every signal of
-one regression must go through the same filter: then ``effort = columns @ theta`` still holds
-between the filtered effort and the filtered columns, up to the products of the motion (Gautier
-1997).
-
-Sources: Gustafsson 1996, doi:10.1109/78.492552 (forward-backward filtering); Janot, Gautier &
-Brunot 2019 (recipe of the EMPS benchmark); MATLAB ``decimate`` (Chebyshev I, order 8, 0.05 dB,
-corner 0.8/r).
+Run forward and backward a filter has no phase (Gustafsson 1996, doi:10.1109/78.492552), ``|H(f)|^2``, -6 dB at its
+corner, as MATLAB's ``filtfilt``. Every signal of one regression goes through the same one: ``effort = columns @ theta``
+still holds, up to the products of the motion (Gautier 1997; Janot, Gautier & Brunot 2019).
 """
 
 from __future__ import annotations
@@ -25,8 +19,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 
 Segments = Sequence[slice] | None
-BAND = (1.0, 60.0)
-"""In which a structure vibrates: slower is motion, faster is noise [Hz]."""
+BAND = (1.0, 60.0)  # in which a structure vibrates: slower is motion, faster is noise [Hz]
 
 
 def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None) -> Floats:
@@ -89,11 +82,7 @@ def differentiate(x: Floats, step: float, segments: Segments = None) -> Floats:
 
 
 def derivatives(
-    x: Floats,
-    rate: float,
-    cutoff: float = np.inf,
-    order: int = 4,
-    segments: Segments = None,
+    x: Floats, rate: float, cutoff: float = np.inf, order: int = 4, segments: Segments = None
 ) -> tuple[Floats, Floats, Floats]:
     """Return the filtered signal and its first and second derivative, repeated central differences of it."""
     smooth = low_pass(x, rate, cutoff, order, segments)
@@ -102,11 +91,9 @@ def derivatives(
 
 
 def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Floats:
-    """Return every ``factor``-th sample, low-passed without phase before, as MATLAB ``decimate``.
+    """Return every ``factor``-th sample of the stretches of ``x``, (n,) or (n, k), low-passed, as MATLAB ``decimate``.
 
-    Chebyshev I of order 8, 0.05 dB ripple, corner 0.8 of the new Nyquist frequency, both ways. As
-    in MATLAB the samples that are kept end with the last one. Stretches of ``x``, (n,) or (n, k), are decimated one
-    by one and put together again.
+    Chebyshev I of order 8, 0.05 dB ripple, corner 0.8 of the new Nyquist frequency, both ways; the last sample is kept.
     """
     if factor < 1:
         raise DataError(f"decimation by {factor}: the factor must be a whole number from 1")

@@ -1,7 +1,6 @@
 """How large a signal is, how large the noise in it, and its colour.
 
-The colour is an autoregression, x(t) = sum_k a_k x(t - k) + w(t) with w white, by Burg's method (Burg 1975; Kay 1988,
-chapter 7) over all unbroken stretches of a signal at once; it is stable by construction.
+x(t) = sum_k a_k x(t - k) + w(t), w white, over all stretches at once (Burg 1975; Kay 1988, chapter 7): stable.
 """
 
 from __future__ import annotations

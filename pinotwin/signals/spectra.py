@@ -1,21 +1,14 @@
 """Spectra, correlation, and the corner frequency that suits a recording.
 
-**The corner.** A measured position is motion plus a noise of its own (quantisation, interpolation
-error of the encoder), nearly white. The acceleration is its second derivative: the noise grows
-with ``f^4`` while the motion dies out, so that the acceleration's spectrum falls to a minimum and
-rises again. Motion and noise are about equally strong at the minimum; where the spectrum has risen
-to twice that for good, there is no motion left to win. That is the corner an axis asks for. Of
-several axes the highest is taken, unless the noise let through would exceed 1 % of some axis'
-acceleration power: noise in a regressor biases its coefficient by that share (errors in
-variables), while motion cut off costs nothing but information, since the effort goes through the
-same filter. Nor does the corner exceed twice the frequency below which the widest axis has
-99.99 % of its acceleration power, where the filter still passes 99.6 %, unless that is above a fifth of the
-rate: beyond there is nothing but noise of the effort.
-Always 99 % of every axis' velocity power stays, for the friction's sake. The
-spectrum is taken of the second difference, so that slow motion does not leak into weak high
-frequencies, and averaged over half octaves, so that a line is no edge.
-The effort has no say: where it does not follow the acceleration it may still follow the position (ripple of the
-gears), and a corner below would hide that from every effect that might explain it.
+**The corner.** The noise of a measured position (quantisation, interpolation error) is nearly white; in acceleration
+it grows with ``f^4`` while motion dies out, so that the spectrum falls to a minimum and rises again. Where it has
+risen to twice that for good, there is no motion left: the corner an axis asks for. Of several the highest is taken,
+unless the noise let through exceeded 1 % of some axis' acceleration power: noise in a regressor biases its coefficient
+by that share (errors in variables), motion cut off costs only information. Nor does it exceed twice the frequency
+below which the widest axis has 99.99 % of its acceleration power (the filter passes 99.6 % there), unless that is above
+a fifth of the rate; 99 % of every axis' velocity power stays, for friction. The second difference keeps slow motion out
+of weak high frequencies, means over half octaves keep lines from being edges. The effort has no say: where it does not
+follow the acceleration it may follow the position (ripple of the gears), which a corner below would hide.
 """
 
 from __future__ import annotations
@@ -40,15 +33,11 @@ class Spectrum:
 
 
 def welch(
-    x: Floats,
-    rate: float,
-    segments: Sequence[slice] | None = None,
-    length: int | None = None,
+    x: Floats, rate: float, segments: Sequence[slice] | None = None, length: int | None = None
 ) -> Spectrum:
     """Return the power spectral density of ``x``, (n,) or (n, k), by Welch's method (Hann, half overlap, no trend).
 
-    Stretches are averaged by their length; those below ``length`` samples, else an eighth of the longest within
-    64 to 8192, are not used.
+    Stretches below ``length``, else an eighth of the longest within 64 to 8192, do not count; others by their length.
     """
     parts = [slice(0, len(x))] if segments is None else list(segments)
     longest = max((p.stop - p.start for p in parts), default=0)
@@ -79,10 +68,9 @@ def _without_trend(windows: Floats) -> Floats:
 def suggest_cutoff(
     q: Floats, rate: float, segments: Sequence[slice] | None = None, *, margin: float = 2.0
 ) -> float:
-    """Return the corner [Hz] of the low-pass that suits the acceleration of positions (n,) or (n, k).
+    """Return the corner [Hz] for the acceleration of positions (n,) or (n, k), infinite where nothing needs one.
 
-    See the module's docstring for the rule; ``margin`` is the corner over the end of the motion's band, at most. Axes
-    that do not move have no say. Infinite if the motion reaches the Nyquist frequency (or nothing moves).
+    The rule is the module's; ``margin`` is the corner over the end of the motion's band, at most.
     """
     q = q[:, None] if q.ndim == 1 else q
     parts = [slice(0, len(q))] if segments is None else list(segments)
@@ -147,11 +135,7 @@ def _half_octave_means(f: Floats, density: Floats) -> Floats:
 
 
 def autocorrelation(x: Floats, max_lag: int) -> Floats:
-    """Return the autocorrelation at lags 0..max_lag, shape (max_lag + 1,); biased, mean removed.
-
-    Raises:
-        DataError: the signal is constant or shorter than the lag.
-    """
+    """Return the autocorrelation at lags 0..max_lag, shape (max_lag + 1,), biased; DataError if that is undefined."""
     x = np.asarray(x, dtype=float) - np.mean(x)
     if len(x) <= max_lag or not x.any():
         raise DataError(f"autocorrelation to lag {max_lag} needs a longer signal that varies")

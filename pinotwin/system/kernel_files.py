@@ -1,8 +1,7 @@
 """Where compiled functions are kept: the user's cache folder, so that one clone compiles for all.
 
-The name of a file is made of all that is in it: byte code, constants and options of the function and of the compiled
-functions that it calls, types of the arguments, numba and the processor. So an edit of a callee in another module
-does not leave an old function in use, and two processes that compile at once write the same.
+A file's name is made of byte code, constants and options of the function and of all it calls, types, numba and
+processor: an edit of a callee leaves no old function in use, and two processes that compile at once write the same.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Compiled functions: numba is imported when the first of them is called.
-
-:mod:`pinotwin.system.kernel_files` keeps what it compiles.
-"""
+"""Compiled functions: numba is imported on the first call; :mod:`.kernel_files` keeps what it compiles."""
 
 from __future__ import annotations
 

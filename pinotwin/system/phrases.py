@@ -9,7 +9,7 @@ BEYOND = {
     "axis": "{axis} at {places} {unit} ({share:.0%} of the time), expect an effort error of {error:.3g} {effort} there",
 }
 
-LOG = {
+LOG = {  # what `check` says of a log: code -> sentence
     # the clock
     "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in "
     "machine.yaml",
@@ -145,9 +145,8 @@ LOG = {
     "not_tried": "what this motion could not reveal is not tried on more than {most} axes",
     "not_told": "this motion could not reveal {what}. To check, move these axes faster and alone",
 }
-"""What `check` says of a log: code -> sentence."""
 
-IDENTIFIED = {
+IDENTIFIED = {  # what the page of `identify` says first, and to be careful about
     "unjudged": "This twin carries no judgement of itself: it was not identified from a log.",
     "unit_URDF": "{axis}: 1 {unit} is {size:.3g} {effort} ({ends[0]:.3g} to {ends[1]:.3g}) by the URDF's masses",
     "unit_given": "{axis}: 1 {unit} is {size:.3g} {effort} ({ends[0]:.3g} to {ends[1]:.3g}) by other axes' factors",
@@ -166,24 +165,21 @@ IDENTIFIED = {
     "coloured": "The residual of {axes} is not white: it has a systematic part, which the intervals below allow for. "
     "Run pinotwin diagnose to find the cause.",
 }
-"""What the page of `identify` says first, and to be careful about."""
-ADVERBS = {
+ADVERBS = {  # grade of a twin's error -> how it predicts, the best first
     "very good": "very well",
     "good": "well",
     "fair": "fairly",
     "poor": "poorly",
     "not judged": "unjudged",
 }
-"""Grade of a twin's error -> how it predicts, the best first."""
 
-SIMULATED = {
+SIMULATED = {  # what the page of `simulate` says first
     "alone": "The log holds the command alone, so there is nothing to hold the prediction against.",
     "errors": "RMS error of the {signal}, over its RMS: {sizes}.",
     "far": "Much larger error than in validation: {signals}. Run pinotwin diagnose.",
 }
-"""What the page of `simulate` says first."""
 
-DIAGNOSED = {
+DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is said of an axis with it
     "agree_change": "Log and twin agree: no change found.",
     "agree_structure": "Log and model agree: no missing effect found.",
     "controllers": "The efforts agree with the twin; the controller of {axes} does not.",
@@ -204,9 +200,8 @@ DIAGNOSED = {
     "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
     "No cause was searched for there.",
 }
-"""What the page of `diagnose` says first; under a grade, what is said of an axis with it."""
 
-DAYS = {
+DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
     "title": "State of every axis",
     "same": "unchanged",
     "watch": "watch",
@@ -222,18 +217,16 @@ DAYS = {
     "numbers": "Numbers that moved",
     "bars": "Bars: 90 % interval. A log without a mark does not show the cause.",
 }
-"""What the page of ``diagnose --each`` says of the logs of a twin."""
 
-LACKING_DAYS = {
+LACKING_DAYS = {  # the same of the logs of a machine, where it is another
     "same": "agrees",
     "moved": "incomplete",
     "none": "No missing effect in {logs} logs.",
     "changed": "The model lacks an effect in {count} of {logs} logs.",
     "numbers": "Numbers that are missing",
 }
-"""The same of the logs of a machine, where it is another."""
 
-MEANING: dict[str, str] = {
+MEANING: dict[str, str] = {  # grade of a residual -> what it says
     "agrees": "the residual is no larger than the noise",
     "within misfit": "above the noise, but no larger than the twin's expected error",
     "above misfit": "somewhat above the twin's expected error, too little to search for a cause",
@@ -242,20 +235,18 @@ MEANING: dict[str, str] = {
     "not explained": "above the validation error, and no named cause explains it",
     "not judged": "no noise level or validation error to compare the residual with",
 }
-"""Grade of a residual -> what it says."""
 
-PRINTED = {
+PRINTED = {  # code of a grade -> the words that people read, where they are others
     "within misfit": "as in validation",
     "above misfit": "above validation",
     "far above misfit": "far above validation",
     "gap explained": "explained",
 }
-"""Code of a grade -> the words that people read, where they are others."""
 
 SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
 """Signal -> its name."""
 
-KINDS = {
+KINDS = {  # kind of region -> its name in a table
     "time": "time in the log",
     "position": "position",
     "velocity": "speed",
@@ -264,8 +255,7 @@ KINDS = {
     "frequency": "frequency",
     "other_axis": "other axis moving",
 }
-"""Kind of region -> its name in a table."""
-REGIONS = {
+REGIONS = {  # kind of region -> where it lies, in a sentence
     "time": "{span} into the log",
     "position": "between positions {span}",
     "reversal": "around standstill and reversal, slower than {end}",
@@ -278,9 +268,8 @@ REGIONS = {
     "frequency": "in vibration at {span}",
     "other_axis": "while axis {other} moves",
 }
-"""Kind of region -> where it lies, in a sentence."""
 
-NUMBERS = {
+NUMBERS = {  # name of a number -> what it is
     "viscous.b": "friction coefficient",
     "viscous_asymmetric.b_plus": "friction coefficient forward",
     "viscous_asymmetric.b_minus": "friction coefficient backward",
@@ -316,9 +305,8 @@ NUMBERS = {
     "feedforward.K_a": "feed-forward of acceleration",
     "payload.m": "mass",
 }
-"""Name of a number -> what it is."""
 
-STUDIED = {
+STUDIED = {  # what `study` found
     "enough": "{seconds:.3g} s are enough",
     "more": "the error has not settled; a longer log would help",
     "coupling": "a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}",
@@ -326,7 +314,6 @@ STUDIED = {
     "overlay": "the curve explains {share:.0%} of the data's power",
     "errors": "{share:.0%} of the tracking error comes from {cause}",
 }
-"""What `study` found."""
 
 
 def joined(words: Sequence[str]) -> str:

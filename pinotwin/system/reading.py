@@ -1,7 +1,6 @@
-"""A value of a YAML file as its type says; anything else is refused with its path and what is expected there.
+"""A value of a YAML file as its type says; anything else is refused with its whole path and what is expected there.
 
-Keys are walked through here, so that the path is whole (``axes.Y.rotor_inertia``); msgspec converts the values, and
-the same types make the JSON Schema that editors complete and check a machine.yaml by.
+msgspec converts the values; the same types make the JSON Schema by which editors check a machine.yaml.
 """
 
 from __future__ import annotations

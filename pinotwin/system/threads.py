@@ -28,10 +28,9 @@ def one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def side_by_side(work: Callable[[Item], T], items: Sequence[Item]) -> Iterator[T]:
-    """Yield ``work`` of every item, in their order, on a thread for each core.
+    """Yield ``work`` of every item, in their order, on a thread for each core, for compiled loops that let others run.
 
-    It pays where the time goes into compiled loops that let other threads run. What is worked on must be its own:
-    nothing is locked. An error of one item is raised in its turn; those that have not begun are dropped then.
+    Nothing is locked. An error of one item is raised in its turn; those that have not begun are dropped then.
     """
     threads = min(len(items), _cores())
     if threads < 2:
@@ -43,7 +42,6 @@ def side_by_side(work: Callable[[Item], T], items: Sequence[Item]) -> Iterator[T
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not on macOS and Windows

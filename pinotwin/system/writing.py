@@ -1,10 +1,8 @@
 """Files and folders that are written whole or not at all.
 
-A result is made beside its target under a hidden name, ``.<name>.<random>.part``, and takes the target's
-place by a rename when it is complete. A full disk, an error or a kill therefore leaves what was there
-before. Whoever makes such a part holds a lock on it (``flock``, which ends with the process), so that the
-next command of the same target can tell what a killed process left, and removes it. Windows has no such locks:
-there such parts stay.
+A result is made beside its target, ``.<name>.<random>.part``, and renamed when complete: a full disk or a kill leaves
+what was there. Its maker holds a lock on it (``flock``, but on Windows), so that the next command of the same target
+can tell what a killed process left, and removes it.
 """
 
 from __future__ import annotations
@@ -145,8 +143,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Path]:
     """Yield a folder to fill; it takes the place of ``path`` only if nothing fails, else the earlier one is kept.
 
-    What else lies in an earlier folder of that name is carried over, so that nobody's own notes are lost, but for what
-    the patterns of ``replaces`` name: results of an earlier run.
+    What else lies in the earlier one (own notes) is carried over, but for results that ``replaces`` names as patterns.
     """
     check_folder(path)
     target = Path(path).resolve()

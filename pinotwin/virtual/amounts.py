@@ -1,9 +1,4 @@
-"""What each effect adds to the truth, and how much of it a relative size means.
-
-For an effort, ``size`` is a share of the rated effort of the axis; the tables say what it is
-elsewhere. :data:`OUTSIDE` holds effects that the catalogue of diagnosis does not know, or knows in
-another form.
-"""
+"""What each effect adds to the truth, and how much a relative size is: of an effort a share of the rated one."""
 
 from __future__ import annotations
 
@@ -50,7 +45,6 @@ class Dose:
 
 
 def _more(a: AxisTruth, **added: float) -> AxisTruth:
-    """Return the axis with more of its friction."""
     return changed(a, "friction", **{k: (getattr(a.friction, k) or 0.0) + x for k, x in added.items()})
 
 

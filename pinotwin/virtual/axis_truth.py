@@ -15,8 +15,7 @@ class Limits:
     speed: float | None = None  # [m/s or rad/s]
     acceleration: float | None = None  # [m/s² or rad/s²]
     jerk: float | None = None  # [m/s³ or rad/s³]
-    # lowest and highest position that a trajectory visits [m or rad]
-    travel: tuple[float, float] | None = None
+    travel: tuple[float, float] | None = None  # lowest and highest position of trajectories [m or rad]
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,7 @@ class Controller:
     kv: float | None = None  # velocity gain [N·s/m or N·m·s/rad]
     ki: float | None = None  # integral gain: of velocity error for p_pi, of position error for pid
     bandwidth: float | None = None  # of the velocity loop [Hz]; sets the gains of p_pi that are not given
-    # real pole [Hz], pole pair [Hz] and its damping ratio; sets the gains of pid
-    poles: tuple[float, float, float] | None = None
+    poles: tuple[float, float, float] | None = None  # real pole [Hz], pair [Hz], its damping; sets pid
     velocity_feedforward: float = 1.0  # share of the command's velocity (p_pi) or of viscous friction
     acceleration_feedforward: float = 0.95  # share of the CAD inertia
     # w, share of the command's velocity in the derivative part of pid (set-point weight); 1 differentiates
@@ -76,11 +74,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class Harmonic:
-    """One ripple: ``amplitude (1 + m |sin(q + m_phase)|) sin(2 pi q/period + phase)``.
-
-    ``speed`` > 0 makes the amplitude grow as ``|v| / speed``; ``rate`` > 0 replaces position by
-    time.
-    """
+    """One ripple: ``amplitude (1 + m |sin(q + m_phase)|) sin(2 pi q/period + phase)``."""
 
     amplitude: float  # [N or N·m]
     period: float = 1.0  # [m or rad]

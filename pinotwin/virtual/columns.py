@@ -1,7 +1,4 @@
-"""Columns of the flat parameter table that the kernel reads: one row per axis, one number a column.
-
-numba takes these as compile-time constants; :mod:`pinotwin.virtual.parameters` fills the table.
-"""
+"""Columns of the parameter table, one row per axis: compile-time constants that :mod:`.parameters` fills."""
 
 from __future__ import annotations
 
@@ -31,11 +28,9 @@ N_SPRING = 5
 # Friction laws.
 NONE, LUGRE, GMS, ELASTOPLASTIC = range(4)
 
-MAX_DELAY = 64
-"""Longest delay of a loop [control periods]."""
+MAX_DELAY = 64  # longest delay of a loop [control periods]
 
-ELEMENTS = 4
-"""Elements of the generalised Maxwell-slip law."""
+ELEMENTS = 4  # elements of the generalised Maxwell-slip law
 
 # States of friction: forces of the elements (the first is the deflection of a bristle), the drag of
 # cables, and for each element the direction in which it slips, or 0.

@@ -1,8 +1,6 @@
 """The sampled position controllers: cascade P-PI and PID, with feed-forward and anti-windup.
 
-State of an axis, one row: integral part [N or N·m], filtered rate, previous reading.
-The rate is a backward difference through a first-order filter, as in a drive. The integral part
-stands still while the effort is saturated in the same direction, and never leaves its own limit.
+State of an axis: integral part [N or N·m], filtered rate (backward difference, first order), previous reading.
 """
 
 from __future__ import annotations

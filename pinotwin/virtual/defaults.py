@@ -1,8 +1,6 @@
-"""Fill in what a ``virtual.yaml`` leaves open, by rules a commissioning engineer would use.
+"""Fill in what a ``virtual.yaml`` leaves open, as a commissioning engineer would, who does not know the truth either.
 
-Sizes are set against the *rated effort* of an axis: its inertia times its acceleration limit,
-plus what gravity asks for. Gains come from the CAD inertia: the engineer does not know the truth
-either.
+*Rated effort* of an axis: inertia times acceleration limit, plus what gravity asks for. Gains: from CAD inertia.
 """
 
 from __future__ import annotations

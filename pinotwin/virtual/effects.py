@@ -1,9 +1,7 @@
 """Switch effects of the truth off (withhold) and on (inject), by the names of the catalogue.
 
-A request is ``"name"``, ``"name:axis"`` or ``"name:axis=size"``, or a mapping with the keys
-``effect``, ``axis``, ``size``, ``value``, ``seed``. ``size`` is relative: for an effort it is a
-share of the rated effort of the axis (:mod:`pinotwin.virtual.amounts`). ``value`` sets the SI
-quantity instead.
+``"name"``, ``"name:axis"``, ``"name:axis=size"``, or a mapping of ``effect``, ``axis``, ``size``, ``value``, ``seed``;
+``size`` is relative (:mod:`pinotwin.virtual.amounts`), ``value`` the SI quantity.
 """
 
 from __future__ import annotations

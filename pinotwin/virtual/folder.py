@@ -23,18 +23,13 @@ class Folder:
     axes: Mapping[str, str]  # axis name -> joint name
     passive: Mapping[str, str]  # passive name -> joint name
     truth: Truth  # the sealed truth
-    # axis -> nominal reflected rotor inertia [kg or kg·m²]
-    rotors: Mapping[str, float] = field(default_factory=dict)
+    rotors: Mapping[str, float] = field(default_factory=dict)  # axis -> reflected rotor inertia [kg, kg·m²]
     limits: Mapping[str, float] = field(default_factory=dict)  # axis -> effort limit of the drive [N or N·m]
     gravity: tuple[float, ...] | None = None  # in the axes of the URDF's root [m/s²]; the usual one when None
 
 
 def read_folder(path: Path | str) -> Folder:
-    """Return the contents of a machine folder (or of the folder of a ``machine.yaml``).
-
-    Raises:
-        MachineError: a file is missing or cannot be used.
-    """
+    """Return the contents of a machine folder (or that of a ``machine.yaml``); MachineError for a missing file."""
     path = Path(path)
     file = path / "machine.yaml" if path.is_dir() else path
     if not file.is_file():
@@ -59,7 +54,6 @@ def read_folder(path: Path | str) -> Folder:
 
 
 def _specs(raw: Any, file: Path) -> dict[str, Mapping[str, Any]]:
-    """Return name -> keys of axes or passive joints."""
     raw = {} if raw is None else raw
     if not isinstance(raw, Mapping) or not all(isinstance(x, Mapping | None) for x in raw.values()):
         raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")

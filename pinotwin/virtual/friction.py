@@ -1,19 +1,14 @@
 """Friction that sticks, as the plant feels it: LuGre, elasto-plastic and generalised Maxwell slip.
 
-LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``,
-``f = s0 z + s1 dz/dt``. Within one step of constant ``v`` the bristle has a closed form, so the
-update is exact at any stiffness and its force is the mean over the step.
+LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``, ``f = s0 z + s1 dz/dt``;
+exact over a step of constant ``v`` at any stiffness, the force being its mean.
 
-Elasto-plastic (Dupont et al. 2002, doi:10.1109/TAC.2002.1000274): ``dz/dt = v (1 - w z / z_s)``, z_s = g / s0,
-where w is 0 below the breakaway deflection 0.9 z_s and while the bristle is unloaded, and grows as half a
-sine to 1 at z_s: below breakaway it is a spring that nothing makes creep, at speed it is LuGre.
+Elasto-plastic (Dupont et al. 2002, doi:10.1109/TAC.2002.1000274): ``dz/dt = v (1 - w z / z_s)``, z_s = g / s0; w is 0
+below the breakaway deflection 0.9 z_s and while the bristle is unloaded, and grows as half a sine to 1 at z_s.
 
-GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements. One that sticks
-is a spring, until it carries its share of ``g(v)``; from then until its speed turns round it slips, and its
-force follows that share late. So friction lags behind a speed that changes, and nothing creeps under a
-load or a vibration that stays below breakaway, which LuGre does (Dupont et al. 2002)
-and no machine. The force is 5 ms late: 3 to 9 ms were measured on lubricated contacts (Armstrong-Hélouvry et al. 1994,
-doi:10.1016/0005-1098(94)90209-7).
+GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel springs, each of which slips from its share of
+``g(v)`` until its speed turns round. Nothing creeps below breakaway, as it does with LuGre and with no machine. The
+force is 5 ms late: 3 to 9 ms were measured (Armstrong-Hélouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7).
 
 Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
 """
@@ -117,9 +112,8 @@ def steady_force(P, i, v, z):  # type: ignore[no-untyped-def]
 def drag_force(P, i, v, z, dt):  # type: ignore[no-untyped-def]
     """Advance the drag of an axis' cables by one step and return its mean effort over it.
 
-    Bouc 1967, Wen 1976 (doi:10.1061/JMCEA3.0002106), written in time with beta = gamma:
-    ``w' = A v - beta |v| |w|^(n-1) w - gamma v |w|^n``; w, a column of ``z``, is the drag
-    itself [N or N·m], A = drag / distance, beta = gamma = A / (2 drag^n).
+    Bouc 1967, Wen 1976 (doi:10.1061/JMCEA3.0002106): ``w' = A v - beta |v| |w|^(n-1) w - beta v |w|^n``; w, a column
+    of ``z``, is the drag itself [N or N·m], A = drag / distance, beta = A / (2 drag^n).
     """
     w, full = z[i, c.CABLE], P[i, c.DRAG]
     A = full * P[i, c.DRAG_RATE]
@@ -133,7 +127,7 @@ def drag_force(P, i, v, z, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a struct of these costs more than the law)
-    """Return the friction effort of axis ``i`` [N or N·m]; its states ``z``, (na, N_STATES), advance by dt [s].
+    """Return the friction of axis ``i`` [N or N·m]; its states ``z``, (na, N_STATES), advance by dt [s].
 
     ``load`` is what the transmission carries; ``extra``, (2, na), how warm each axis is and a number for chatter.
     """

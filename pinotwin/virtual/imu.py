@@ -1,8 +1,6 @@
-"""An IMU on a virtual machine: its log on its own clock, from the machine's sealed truth.
+"""An IMU on a virtual machine: its log on its own clock, from the machine's sealed truth (thesis Section 6.5).
 
-What belongs to the sensor and its place (mounting, non-orthogonality, g-sensitivity, errors of the
-accelerometer) is drawn once per machine and sensor; what changes from run to run (gyro scale, clock
-offset and skew, noise) is drawn from the run's seed (thesis Section 6.5).
+Mounting and errors of the accelerometer are drawn once per machine; gyro scale, clock and noise from the run's seed.
 """
 
 from __future__ import annotations
@@ -21,8 +19,7 @@ from pinotwin.virtual.imu_sensor import ImuReading, ImuSensor, LinkMotion, Senso
 from pinotwin.virtual.recording import SealedTruth
 from pinotwin.virtual.tree import links_of
 
-RATE = 400.0
-"""Sampling rate of the sensor [Hz]."""
+RATE = 400.0  # sampling rate of the sensor [Hz]
 
 
 def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> ImuSensor:
@@ -41,11 +38,7 @@ def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> Im
 
 
 def link_motion(truth: SealedTruth, link: str) -> LinkMotion:
-    """Return the true motion of a link.
-
-    Raises:
-        InputError: the machine has no such link.
-    """
+    """Return the true motion of a link; InputError if the machine has none of that name."""
     model, data = truth.model, truth.model.createData()
     if link not in links_of(model):
         raise InputError(f"no link {link!r} in this machine; {nearest(link, links_of(model))}")
@@ -67,12 +60,7 @@ def channels(reading: ImuReading) -> Mapping[str, Floats]:
 
 
 def record_imu(
-    truth: SealedTruth,
-    link: str,
-    machine_seed: int,
-    run_seed: int,
-    number: int = 1,
-    **clock: object,
+    truth: SealedTruth, link: str, machine_seed: int, run_seed: int, number: int = 1, **clock: object
 ) -> Log:
     """Return the log of a virtual IMU on a link of a virtual machine.
 

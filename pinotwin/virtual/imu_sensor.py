@@ -6,10 +6,8 @@ Measured by a triad with mounting R (sensor axes in the link frame) at p in the 
     accel  y = low_pass[ (I + diag(s)) N R' f ] + b + noise                                  [m/s²]
     f      = R_world_link' (a_origin - g) + w' x p + w x (w x p)           (specific force at p)
 
-``N`` is I plus the non-orthogonality, ``b(t)`` a constant plus a random walk. Sizes: thesis Tables
-6-3, 6-4 and B-1 (Xsens MTi-630). The sensor has its own clock: it stamps a sample that it takes at
-the true time ``t`` with ``tau``, where ``t = (1 + skew) tau + offset`` plus jitter; it may drop
-samples, leave a hole, or restart at zero.
+``N``: I plus non-orthogonality, ``b(t)``: a constant plus a random walk; sizes of thesis Tables 6-3, 6-4 and B-1
+(Xsens MTi-630). A sample of time ``t`` is stamped ``tau``, ``t = (1 + skew) tau + offset``, plus jitter.
 """
 
 from __future__ import annotations
@@ -37,8 +35,7 @@ def _zeros() -> Floats:
 class Triad:
     """Errors of three sensing axes; SI (rad/s for a gyro, m/s² for an accelerometer)."""
 
-    # RMS of the noise at the output, after the low-pass, per axis
-    noise: Floats = field(default_factory=_zeros)
+    noise: Floats = field(default_factory=_zeros)  # RMS at the output, after the low-pass, per axis
     bias: Floats = field(default_factory=_zeros)  # constant bias, per axis
     bias_walk: float = 0.0  # random walk of the bias [unit/sqrt(s)]
     scale: Floats = field(default_factory=_zeros)  # scale-factor deviations, per axis [-]
@@ -100,11 +97,9 @@ class ImuSensor:
     gyro: Triad = field(default_factory=Triad)  # errors of the gyroscope
     accel: Triad = field(default_factory=Triad)  # errors of the accelerometer
     clock: SensorClock = field(default_factory=SensorClock)  # the sensor's own clock
-    # sensor axes in the link frame (columns), (3, 3)
-    mounting: Floats = field(default_factory=lambda: np.eye(3))
+    mounting: Floats = field(default_factory=lambda: np.eye(3))  # sensor axes in the link frame, columns
     position: Floats = field(default_factory=_zeros)  # place of the sensor in the link frame [m], (3,)
-    # acceleration of gravity in the world [m/s²], (3,); a tilted foundation turns it
-    gravity: Floats = field(default_factory=lambda: GRAVITY)
+    gravity: Floats = field(default_factory=lambda: GRAVITY)  # in the world [m/s²], (3,)
 
     def inputs(self, motion: LinkMotion) -> tuple[Floats, Floats]:
         """Return the true rate and specific force in sensor axes, shapes (n, 3)."""
@@ -116,11 +111,7 @@ class ImuSensor:
         return w @ self.mounting, force @ self.mounting
 
     def measure(self, motion: LinkMotion, rng: np.random.Generator) -> ImuReading:
-        """Return the readings for a true motion (its clock should be well above the sensor's).
-
-        Raises:
-            DataError: the motion's clock is not finer than the sensor's.
-        """
+        """Return the readings for a true motion; DataError unless its clock is finer than the sensor's."""
         step = float(motion.t[1] - motion.t[0])
         if step > 0.6 / self.clock.rate:
             raise DataError(

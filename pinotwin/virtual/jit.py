@@ -1,8 +1,4 @@
-"""How the kernel is compiled.
-
-Nothing in it allocates, so it runs without numba's reference counting (``_nrt=False``): counting
-the arrays of its records in and out of every small function took half of the time.
-"""
+"""How the kernel is compiled: it allocates nothing; counting references (numba's ``_nrt``) took half of the time."""
 
 from __future__ import annotations
 

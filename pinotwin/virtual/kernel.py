@@ -1,9 +1,7 @@
 """The simulation kernel: controllers, drives, friction and rigid bodies, period after period.
 
-Rates: the controller runs every ``period``. Rigid-body terms M(q) and h(q, v), ripple and tables
-change slowly and are evaluated ``updates`` times a period at the predicted midpoint (second order
-in time). Everything stiff (bristles, cables, transmission, springs, current loop) runs on ``substeps``
-of each update by drift-kick-drift (Strang 1968, doi:10.1137/0705041); friction.py has the laws of the bristles.
+M(q), h(q, v), ripple and tables are evaluated ``updates`` times a period at the predicted midpoint (second order in
+time); everything stiff runs on ``substeps`` of each, drift-kick-drift (Strang 1968, doi:10.1137/0705041).
 """
 
 from __future__ import annotations

@@ -12,23 +12,14 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError
 from pinotwin.virtual import columns as c
+from pinotwin.virtual import kernel, run
 from pinotwin.virtual.assemble import bodies_of, resolve, true_model
 from pinotwin.virtual.axis_truth import Drive, Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
-from pinotwin.virtual.kernel import run
 from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
 from pinotwin.virtual.recording import Recording, SealedTruth
-from pinotwin.virtual.run import (
-    decimation,
-    drive_of,
-    empty_record,
-    empty_room,
-    equilibrium,
-    load_channels,
-    log_of,
-)
 from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import assembled, inertia_at, load_model, tree_of
@@ -53,22 +44,12 @@ class VirtualMachine:
 
     @classmethod
     def load(
-        cls,
-        folder: Path | str,
-        *,
-        withhold: Sequence[str] = (),
-        inject: Sequence[Injection] = (),
+        cls, folder: Path | str, *, withhold: Sequence[str] = (), inject: Sequence[Injection] = ()
     ) -> VirtualMachine:
-        """Return the virtual machine of a folder (``machine.yaml``, URDF, ``virtual.yaml`` if any).
+        """Return the virtual machine of a folder, or of its ``machine.yaml``.
 
-        Args:
-            folder: machine folder or its ``machine.yaml``.
-            withhold: effects to leave out of the truth: ``"stribeck"``, ``"stribeck:Y"``.
-            inject: effects to add: ``"backlash:Y=0.1"`` or
-                ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``.
-
-        Raises:
-            MachineError: a file is missing, or a value in it is one that no machine can have.
+        ``withhold``: effects to leave out, ``"stribeck:Y"``; ``inject``: to add, ``"backlash:Y=0.1"`` or
+        ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``. MachineError for impossible values.
         """
         try:
             return cls.build(read_folder(folder), withhold=withhold, inject=inject)
@@ -150,19 +131,19 @@ class VirtualMachine:
         axes, noises = self.tables(truth), rng if noise else None
         if not noise:
             axes.P[:, c.RESOLUTION] = 0.0
-        every = decimation(rate, truth.log_rate, "log rate")
-        fine = decimation(rate, truth_rate or truth.log_rate, "truth rate")
+        every = run.decimation(rate, truth.log_rate, "log rate")
+        fine = run.decimation(rate, truth_rate or truth.log_rate, "truth rate")
         step, n = int(np.gcd(every, fine)), round(trajectory.seconds * rate / every) * every
         if n < every:
             raise DataError(f"{self.name}: a trajectory of {trajectory.seconds} s is too short")
-        drive = drive_of(truth, true, trajectory, loads, n, noises)
-        state, tree = equilibrium(true, axes, drive.qr[0]), tree_of(true)
-        record = empty_record(step, n // step, len(self.axes), len(self.joints))
-        run(tree, axes, drive, state, empty_room(tree), record, self.timing)
+        drive = run.drive_of(truth, true, trajectory, loads, n, noises)
+        state, tree = run.equilibrium(true, axes, drive.qr[0]), tree_of(true)
+        record = run.empty_record(step, n // step, len(self.axes), len(self.joints))
+        kernel.run(tree, axes, drive, state, run.empty_room(tree), record, self.timing)
         if not np.all(np.isfinite(record.q)):
             raise MachineError(f"{self.name}: the simulation diverged; lower the loop gains")
         t = np.arange(n // every) * every / rate
-        log = log_of(truth, drive, record, t, every, noises) | load_channels(true, loads, t)
+        log = run.log_of(truth, drive, record, t, every, noises) | run.load_channels(true, loads, t)
         rows = slice(None, None, fine // step)
         q, v, a, u, friction = (getattr(record, x)[rows] for x in ("q", "v", "a", "effort", "friction"))
         clock = np.arange(len(q)) * fine / rate

@@ -1,7 +1,6 @@
-"""Jerk-limited point-to-point motion in closed form (seven phases), and sums of sines.
+"""Jerk-limited moves from rest to rest in closed form, and sums of sines.
 
-Rest to rest over a distance d with limits (v, a, j), Biagiotti & Melchiorri 2008,
-doi:10.1007/978-3-540-85629-0, section 3.4: whichever of jerk, acceleration and speed limit is reached.
+Biagiotti & Melchiorri 2008, doi:10.1007/978-3-540-85629-0, section 3.4: whichever limit (v, a, j) is reached.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ from pinotwin.arrays import Floats
 
 Profile = Callable[[Floats, int], Floats]
 """The command of one axis, or its derivative of an order up to 2, at times [s]; shape (n,) all."""
-Limited = tuple[float, float, float]
-"""Limits of speed, acceleration and jerk."""
+Limited = tuple[float, float, float]  # limits of speed, acceleration and jerk
 
 
 @dataclass(frozen=True)

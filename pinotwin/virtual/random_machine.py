@@ -1,9 +1,6 @@
-"""Machines of random kinematics: a tree of prismatic and revolute axes, written as a machine folder.
+"""Machines of random kinematics, written as a machine folder: on known ones a bench measures what code remembers.
 
-A bench that only runs on machines which the code was tuned on measures its memory. These have a
-random tree, random axes directions and bodies, random friction, controllers and rates, all from one
-seed; the folder holds ``<name>.urdf``, ``machine.yaml`` and the sealed ``virtual.yaml`` as that of a
-bundled machine does. What the truth holds, the ``machine.yaml`` lists: such a machine is healthy.
+Tree, axes, bodies, friction, controllers and rates come from one seed. ``machine.yaml`` lists what the truth holds.
 """
 
 from __future__ import annotations

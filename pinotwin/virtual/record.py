@@ -21,17 +21,11 @@ TRAJECTORIES = ("random", "multisine", "slow_reversals", "constant_speeds")
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Recorded(Log):
-    """A log of a virtual machine.
+    """A log of a virtual machine."""
 
-    Attributes:
-        recording: the run, with its sealed truth.
-        withheld: effects that the truth did not have.
-        injected: effects that it had beside its own.
-    """
-
-    recording: Recording
-    withheld: tuple[str, ...] = ()
-    injected: tuple[str, ...] = ()
+    recording: Recording  # the run, with its sealed truth
+    withheld: tuple[str, ...] = ()  # effects that the truth did not have
+    injected: tuple[str, ...] = ()  # effects that it had beside its own
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin record --json`` writes."""

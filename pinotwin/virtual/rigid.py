@@ -2,11 +2,9 @@
 
     M(q) a + h(q, v) = tau + J^T f_ext
 
-``h`` by recursive Newton-Euler and ``M`` by composite rigid bodies (Featherstone 2008,
-doi:10.1007/978-1-4899-7560-7, chapters 5 and 6), all of it in world axes about the world's origin, where
-forces and inertias of bodies simply add. Pinocchio does the same work in the same time, but to leave the
-loop and come back once a control period makes it three times as long (docs/architecture.md); the tests hold
-both equal. Vectors are tuples, so that no function makes an array.
+``h`` by recursive Newton-Euler, ``M`` by composite rigid bodies (Featherstone 2008, doi:10.1007/978-1-4899-7560-7,
+chapters 5 and 6), in world axes about the world's origin, where forces and inertias simply add. Pinocchio is as fast,
+but leaving the loop for it makes a run three times as long (docs/architecture.md); tests hold both equal.
 """
 
 from __future__ import annotations

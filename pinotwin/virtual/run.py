@@ -64,11 +64,7 @@ def load_arrays(true: pin.Model, loads: Sequence[Pulse], t: Floats) -> tuple[Int
 
 
 def equilibrium(true: pin.Model, axes: Axes, command: Floats) -> State:
-    """Return the state at rest at a command (na,), springs and integral parts loaded.
-
-    The motors hold gravity, ripple and tables; friction is not loaded. (Motors that held gravity alone
-    would let the axes jump into their bristles at the first instant.)
-    """
+    """Return the state at rest at a command (na,); friction is not loaded, springs and integral parts are."""
     nv, na, P, joint = true.nv, len(axes.joint), axes.P, axes.joint
     q = np.zeros(nv)
     q[joint] = command

@@ -58,18 +58,14 @@ def random_trajectory(
     synchronised: float = 0.5,
     dwell: tuple[float, float] = (0.05, 0.4),
 ) -> Trajectory:
-    """Return random simultaneous point-to-point moves, as in a drilling cycle.
-
-    Each step moves a random subset of the axes to random targets, then dwells (drilling). In a
-    share ``synchronised`` of the steps all axes arrive together, else each moves as fast as it
-    can.
+    """Return random simultaneous point-to-point moves of random axes, each then with a dwell, as in a drilling cycle.
 
     Args:
         machine: whose axes and limits.
         seconds: length [s].
         seed: of the moves.
         limits: other limits for some axes.
-        synchronised: share of steps with a common arrival [-].
+        synchronised: share of steps in which all axes arrive together [-]; else each moves as fast as it can.
         dwell: shortest and longest dwell [s].
     """
     rng = np.random.default_rng(seed)
@@ -153,10 +149,7 @@ def slow_reversals(
 
 
 def constant_speeds(
-    machine: HasLimits,
-    axis: str,
-    *,
-    shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8),
+    machine: HasLimits, axis: str, *, shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 ) -> Trajectory:
     """Return runs of one axis at constant speeds, shares of its limit [-]: viscous, Stribeck, drag."""
     low, high = _travel(machine.limits[axis])

@@ -1,8 +1,7 @@
 """From a URDF to the model of the true machine, and to the arrays that the compiled loop reads.
 
-The shipped URDF is what CAD believes. The simulated truth moves every mass, centre of mass and
-inertia by a pseudo-inertia congruence ``J -> A J A^T`` (Wensing et al. 2018,
-doi:10.1109/LRA.2017.2729659): any regular ``A`` keeps a body physically possible.
+The truth moves every body's inertia by ``J -> A J A^T`` of its pseudo-inertia (Wensing et al. 2018,
+doi:10.1109/LRA.2017.2729659): any regular ``A`` keeps it physically possible.
 """
 
 from __future__ import annotations
@@ -50,13 +49,8 @@ def assembled(
 ) -> pin.Model:
     """Return the model with other bodies, tilted and bending joints, and one coordinate for each joint.
 
-    Args:
-        model: what CAD believes.
-        bodies: inertia of every moving body.
-        tilts: joint -> small angles [rad] by which its frame is turned about its own axes.
-        bends: joint -> share of its body [-] that, with all that the body carries, moves on a second joint
-            of the same axis, ``<joint>~``; the rest stays with the drive and its encoder (a carriage that
-            bends).
+    ``tilts``: joint -> small angles [rad] of its frame about its own axes; ``bends``: joint -> share of its body [-]
+    that, with all that it carries, moves on a second joint of the same axis, ``<joint>~``, behind drive and encoder.
     """
     out = pin.Model()
     out.name, out.gravity = model.name, model.gravity

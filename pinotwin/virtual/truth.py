@@ -1,8 +1,6 @@
-"""The sealed truth of a virtual machine: what ``virtual.yaml`` may say, as frozen dataclasses.
+"""The sealed truth of a virtual machine: what ``virtual.yaml`` may say, SI unless the field says otherwise.
 
-Everything is SI unless the field says otherwise. A value left at ``None`` is filled in by a rule
-from the machine's inertia and limits (:mod:`pinotwin.virtual.defaults`), so any machine folder
-can run. The identification side never reads this file.
+``None`` is filled in by a rule (:mod:`pinotwin.virtual.defaults`). The identification side never reads this file.
 """
 
 from __future__ import annotations
@@ -54,10 +52,8 @@ class Truth:
     seed: int = 0  # of everything that is drawn once per machine
     control_rate: float = 4000.0  # [Hz]
     log_rate: float = 500.0  # [Hz]
-    # integration steps per control period; None chooses from the stiffest element
-    substeps: int | None = None
-    # smallest and largest relative error of the shipped inertials [-]
-    inertial_error: tuple[float, float] = (0.10, 0.20)
+    substeps: int | None = None  # integration steps per control period; None: by the stiffest element
+    inertial_error: tuple[float, float] = (0.10, 0.20)  # least and largest of the inertials [-]
     scatter: float = 0.01  # relative run-to-run scatter of Coulomb and viscous friction [-]
     coupled: bool = True  # False removes every inertial coupling between the axes
     axes: Mapping[str, AxisTruth] = field(default_factory=dict)  # per axis

@@ -20,7 +20,7 @@ def limited(axis: AxisTruth, limit: float) -> AxisTruth:
     return changed(axis, "controller", effort_limit=limit, integral_limit=limit)
 
 
-WITHHOLD: Mapping[str, Callable[[AxisTruth], AxisTruth]] = {
+WITHHOLD: Mapping[str, Callable[[AxisTruth], AxisTruth]] = {  # effects of one axis that can be left out
     "viscous": lambda a: changed(a, "friction", viscous=0.0),
     "coulomb": lambda a: changed(a, "friction", coulomb=0.0),
     "coulomb_asymmetric": lambda a: changed(a, "friction", asymmetry=0.0),
@@ -45,7 +45,6 @@ WITHHOLD: Mapping[str, Callable[[AxisTruth], AxisTruth]] = {
     "coulomb_position": lambda a: changed(a, "friction", wander=0.0),
     "chatter": lambda a: changed(a, "friction", chatter=0.0),
 }
-"""Effects of one axis that can be left out."""
 
 WITHHOLD_MACHINE: Mapping[str, Callable[[Truth], Truth]] = {
     "payload": lambda t: replace(t, payload=()),

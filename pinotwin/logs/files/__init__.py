@@ -2,5 +2,3 @@
 
 from pinotwin.logs.files.reading import read as read
 from pinotwin.logs.files.reading import read_argument as read_argument
-
-__all__ = ["read", "read_argument"]

@@ -1,8 +1,6 @@
-"""Several clocks in one file: channels of equal clocks are joined, the others put on the main clock.
+"""Several clocks in one file: channels of equal clocks are joined, the others put on the one with most channels.
 
-The main clock is the one with most channels. A channel that was sampled at least about as often is
-interpolated onto it and said to be; one that was sampled less often is left out: between its samples
-nothing is known, and its derivative would be made up.
+What was sampled about as often is interpolated onto it, and said to be; what was sampled less often is left out.
 """
 
 from __future__ import annotations
@@ -27,8 +25,7 @@ class Group:
 
     clock: str  # name of the clock, for messages
     t: Floats  # its time stamps, shape (n,), NaN where the clock has ended
-    # name -> values, each of shape (n,)
-    channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)  # name -> values, (n,)
 
     def whole(self, source: str) -> Group:
         """Return the group without the rows behind the clock's end."""

@@ -1,9 +1,7 @@
-"""What every reader hands over, and how it becomes a ``Log``.
+"""What every reader hands over, and how it becomes a ``Log``: numbers, vectors and matrices by dotted names.
 
-A file may hold single numbers, vectors, matrices, and text, nested in structures. ``Content`` is
-that, flattened to dotted names. The log's clock is the longest dimension that holds most numbers:
-arrays of that length are channels, a matrix is split along it into ``name[0]``, ``name[1]``...,
-single numbers and short vectors become scalars, everything else is left out with a note.
+The clock is the longest dimension that holds most numbers: arrays of that length are channels (a matrix is split
+into ``name[0]``...), numbers and short vectors are scalars, everything else is left out with a note.
 """
 
 from __future__ import annotations
@@ -23,12 +21,8 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log, split_unit
 
-SHORT = 64
-"""Longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel."""
-
-MOST = 400_000_000
-"""Most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours."""
-
+SHORT = 64  # longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel
+MOST = 400_000_000  # most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours
 _FREE, _EXPANSION = 2**29, 100
 """Bytes that the numbers of any file may become as floats, and how many more for each of its own."""
 
@@ -38,8 +32,7 @@ BROKEN = (
 )
 """What libraries let through where a file is damaged: lengths, JSON, UTF-8, what is not there or not implemented."""
 
-Seen = Callable[[float], None]
-"""Called with the share of a file that was read, 0 to 1."""
+Seen = Callable[[float], None]  # called with the share of a file that was read, 0 to 1
 
 _EPOCH_EXACT = 2.0**53
 _INDEX = re.compile(r"(?<!^)[\[(][^\[(]*$")  # or unit, at the end of a name
@@ -69,11 +62,9 @@ class Content:
     units: dict[str, str] = field(default_factory=dict)  # name -> unit that the file states
     left_out: list[str] = field(default_factory=list)  # names of what is no number (text, cells, references)
     notes: list[str] = field(default_factory=list)  # what the reader noticed
-    # says where a row (counted from 0) is in the file, for messages
-    place: Callable[[int], str] = "row {}".format
+    place: Callable[[int], str] = "row {}".format  # where a row (from 0) is, for messages
     clock: str = ""  # name of the array whose length is the log's; "" leaves it to the majority
-    # name -> name that the file states for this array and others
-    stated: dict[str, str] = field(default_factory=dict)
+    stated: dict[str, str] = field(default_factory=dict)  # name -> name that the file states for several
     parts: dict[str, list[str]] = field(default_factory=dict)  # column of lists -> names of their parts
 
     @property

@@ -1,8 +1,4 @@
-"""Grammars that are no plain table, brought to one before the layout is looked at.
-
-Line by line, so that a message still names the line of the file. What a number may be written with is corrected
-first: a Unicode minus, and the marks between thousands that are never a delimiter (``1'234.5``).
-"""
+"""Grammars that are no plain table, brought to one line by line, so that messages still name the file's lines."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""HDF5, and MATLAB v7.3 files, which are HDF5 with arrays transposed.
-
-Transposition needs no care here: a matrix is split along the axis of the log's length either way.
-"""
+"""HDF5, and MATLAB v7.3 files: HDF5 with arrays transposed, which the split along the log's length undoes."""
 
 from __future__ import annotations
 

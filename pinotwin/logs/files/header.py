@@ -1,8 +1,6 @@
-"""What stands above the numbers: names and units of the columns, which clock stamps which, and a controller's notes.
+"""What stands above the numbers: names and units of the columns, which clock stamps which, a controller's notes.
 
-The rows right above the numbers are their header. What a controller writes above that (sample time, date, units in
-a table of signals) is not needed to read the numbers. A sample time is used only where the file has no time
-column, and only with its unit: a bare 4 may be milliseconds as well as cycles.
+A sample time stated there is used only where the file has no time column, and only with its unit.
 """
 
 from __future__ import annotations
@@ -44,8 +42,7 @@ _RATE_LINE = re.compile(rf"\b(?:{_RATE})\b{_VALUE}", re.I)
 _DATE = re.compile(
     r"(?:\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})(?:[T ;,\t]+\d{1,2}:\d\d(?::\d\d)?)?"
 )
-_SANE = (1e-6, 1.0)
-"""Steps that a servo trace can have [s]: 1 MHz to 1 Hz."""
+_SANE = (1e-6, 1.0)  # steps that a servo trace can have [s]: 1 MHz to 1 Hz
 
 
 @dataclass(frozen=True)
@@ -55,10 +52,8 @@ class Header:
     names: list[str] = field(default_factory=list)  # of the columns; none where the rows are no header
     units: dict[str, str] = field(default_factory=dict)  # name -> unit
     rows: int = 0  # how many rows it has
-    # clock column -> columns that it stamps, where there are several
-    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    # name -> name that the file states for this column and others
-    stated: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)  # clock column -> its columns
+    stated: dict[str, str] = field(default_factory=dict)  # name -> name that the file states for several
 
 
 def read_header(cells: list[list[str]], start: int, stem: str) -> Header:

@@ -1,8 +1,7 @@
 """Reading in a process of its own: what a damaged file does to a C library ends that, not the user's work.
 
-One wrong byte in a MATLAB v5 file is a segmentation fault in SciPy's reader, one in an HDF5 file keeps that library
-busy for ever, deaf to signals. So a new interpreter reads them, on every system alike, and hands over what it read
-through a pipe: some tenths of a second. Its time is limited, and its memory where the system tells of it (Linux).
+One wrong byte is a segmentation fault in SciPy's reader of MATLAB v5, and keeps the HDF5 library busy for ever, deaf
+to signals. So a new interpreter reads them, in limited time, and limited memory where the system tells of it (Linux).
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""JSON documents and JSON lines.
-
-A document may be columns (``{"t": [...], "Y.q": [...]}``), a list of messages, or either of them below
-keys, with single numbers beside. JSON lines hold one message a line.
-"""
+"""JSON documents (columns, or a list of messages, perhaps below keys) and JSON lines (a message a line)."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """How a text log is laid out: encoding, delimiter, decimal sign, header, unit row, comments.
 
-The numbers are found first: the rows that have most in common. What stands right above them is their
-header and units, what stands above that is kept as notes (:mod:`pinotwin.logs.files.header`).
-Everything is decided from the first lines and stated in a ``Layout``.
+The numbers are found first, as the rows that have most in common; what stands above is header, units and notes.
 """
 
 from __future__ import annotations
@@ -23,8 +21,7 @@ from pinotwin.logs.files.header import Header, commented_names, is_unit_row, rea
 _SEP = re.compile(r"\"?sep=(.)\"?[\s,;]*$", re.I)
 _INTEGER = re.compile(r"[+-]?\d+(e[+-]?\d+)?$", re.I)
 _HALVES = re.compile(rb"([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)")
-_DELIMITERS = "\t;|, "
-"""Tried in this order: ``1,5;2,5`` has decimal commas, ``1, 2`` has comma and blank."""
+_DELIMITERS = "\t;|, "  # tried in this order: ``1,5;2,5`` has decimal commas, ``1, 2`` has comma and blank
 
 
 @dataclass(frozen=True)

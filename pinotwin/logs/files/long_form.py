@@ -1,7 +1,6 @@
 """Tables with one value a row, and the name of what it is a value of beside it (OPC UA, MTConnect, InfluxDB).
 
-Such loggers write a value when it changes. The table is spread: one clock of all stamps, one channel a name, and
-what a stamp has no row for keeps the value that it had; before its first row it is missing.
+Such loggers write a value when it changes: it is kept until its next row, and is missing before its first.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""MCAP recordings: JSON objects of numbers here, ROS messages by :mod:`pinotwin.logs.files.rosbag`.
-
-With one topic the names are those in the message; with several each begins with its topic
-(``servo.Y.q``). Where a message has no ``t`` the time of logging is it, in seconds since the topic's
-first message.
-"""
+"""MCAP recordings of JSON objects; ROS messages: :mod:`pinotwin.logs.files.rosbag`. Without ``t``: time of logging."""
 
 from __future__ import annotations
 

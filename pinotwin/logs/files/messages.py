@@ -1,8 +1,6 @@
-"""Messages of numbers (JSON objects, ROS messages as dicts) as columns.
+"""Messages of numbers (JSON objects, ROS messages as dicts) as columns: dotted names, lists ``[i]``.
 
-Nested objects get dotted names and lists ``[i]``. A message with parallel lists ``name``, ``position``,
-``velocity``, ``effort`` (ROS' JointState) names its joints itself: ``<joint>.q .v .u``. A trajectory
-controller's state gives the command ``<joint>.qr`` too. The stamp of a message's header is its time.
+Parallel lists ``name position velocity effort`` (JointState) become ``<joint>.q .v .u``, a command ``<joint>.qr``.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import Holes, Seen, to_log
 from pinotwin.system.writing import as_path
 
-_FORMATS = {
+_FORMATS = {  # format -> module of this package, imported on use (h5py, scipy.io are slow), and endings
     "csv": ("text", ".csv .txt .tsv .dat .asc .log .sco"),
     "parquet": ("parquet", ".parquet .pq"),
     "mat": ("mat", ".mat"),
@@ -30,10 +30,6 @@ _FORMATS = {
     "json": ("json_text", ".json .jsonl .ndjson"),
     "ros": ("rosbag", ".db3 .bag"),
 }
-"""Format -> module of this package with ``load(path: Path, source: str) -> Content``, endings.
-
-Imported on use: pyarrow, h5py and scipy.io are slow to import and a CSV user needs only one of them.
-"""
 _ENDINGS = {ending: kind for kind, (_, endings) in _FORMATS.items() for ending in endings.split()}
 
 # Read in a process of their own: a damaged file ends or holds up the C libraries behind them.

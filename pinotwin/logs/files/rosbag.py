@@ -48,12 +48,9 @@ _SERVO, _OTHER = "servo", "other"
 
 @dataclass
 class _Topic:
-    """What one topic held."""
-
     kind: str  # whether it goes on the clock of the joints
     table: Table  # its numbers
-    # time of each message's header [ns]; 0 where it is not set
-    stamps: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)  # of each message's header [ns]; 0 where not set
     logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
 
     @property

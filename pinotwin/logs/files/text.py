@@ -1,7 +1,6 @@
 """CSV and other tables in text, fast through Arrow, cell by cell only where that is refused.
 
-A column whose cells are mostly words is text and is left out with a note; a word in a column of
-numbers is an error that names line, column and cell.
+Columns of words are left out with a note; a word among numbers is an error that names line, column and cell.
 """
 
 from __future__ import annotations
@@ -49,8 +48,7 @@ class _Body:
     names: tuple[str, ...]  # names of all columns
     layout: Layout  # the file's layout
     source: str  # the file's name, for messages
-    # line of the file of each row (from 0), where comments or blanks were taken out
-    lines: Ints | None = None
+    lines: Ints | None = None  # line of the file of each row (from 0), where some were taken out
     notes: tuple[str, ...] = ()  # what was taken out
 
     @property

@@ -6,12 +6,3 @@ from pinotwin.logs.quality.results import Limits as Limits
 from pinotwin.logs.quality.results import Quality as Quality
 from pinotwin.logs.quality.sampling import resample as resample
 from pinotwin.logs.quality.values import lattice as lattice
-
-__all__ = [
-    "Finding",
-    "Limits",
-    "Quality",
-    "inspect",
-    "lattice",
-    "resample",
-]

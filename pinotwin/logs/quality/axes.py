@@ -7,23 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin import signals
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import nearest
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits, finding
 from pinotwin.logs.quality.values import has_more_values, quantisation_step
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.signals import (
-    Clock,
-    autocorrelation,
-    derivatives,
-    edge_samples,
-    interior,
-    low_pass,
-    runs,
-    segments,
-    suggest_cutoff,
-)
 from pinotwin.solve.lead import lag
 
 _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
@@ -32,7 +22,7 @@ _FAR = {False: 50.0, True: 500.0}  # m, rad
 
 
 def inspect_axes(
-    log: Log, axes: Mapping[str, bool], ticks: Clock | None, settings: Settings = USUAL
+    log: Log, axes: Mapping[str, bool], ticks: signals.Clock | None, settings: Settings = USUAL
 ) -> tuple[dict[str, AxisQuality], float]:
     """Return the table of the axes with a position, and the corner that these suggest."""
     present = [name for name in axes if f"{name}.q" in log and np.isfinite(log[f"{name}.q"]).any()]
@@ -46,11 +36,11 @@ def inspect_axes(
         return table, np.inf
     q = np.column_stack([log[f"{name}.q"] for name in moving])
     good = np.asarray(np.isfinite(q).all(axis=1))
-    stretches = [s for s in segments(log.t, valid=good) if s.stop - s.start >= _SHORTEST]
+    stretches = [s for s in signals.segments(log.t, valid=good) if s.stop - s.start >= _SHORTEST]
     if not stretches:
         return table, np.inf
-    cutoff = suggest_cutoff(q, ticks.rate, stretches)
-    q, v, a = derivatives(q, ticks.rate, cutoff, segments=stretches)
+    cutoff = signals.suggest_cutoff(q, ticks.rate, stretches)
+    q, v, a = signals.derivatives(q, ticks.rate, cutoff, segments=stretches)
     inside = _inside(len(q), cutoff, ticks.rate, stretches)
     top, sharpest = np.abs(v[inside]).max(axis=0), np.abs(a[inside]).max(axis=0)
     for name, speed, acceleration in zip(moving, top.tolist(), sharpest.tolist(), strict=True):
@@ -61,11 +51,11 @@ def inspect_axes(
         corner = min(3.0 * cutoff, 0.45 * ticks.rate)
         usable = inside[:, None] & (np.abs(v) > 0.05 * top)
         del q, v, a  # of a long log there is room for one set only
-        causes = derivatives(raw, ticks.rate, corner, segments=stretches)
+        causes = signals.derivatives(raw, ticks.rate, corner, segments=stretches)
         for i, name in enumerate(moving):
             u = log.channels.get(f"{name}.u", np.zeros(0))
             if np.isfinite(u).all() and len(u) >= _SHORTEST and np.ptp(u) > 0:
-                smooth = low_pass(u, ticks.rate, corner)
+                smooth = signals.low_pass(u, ticks.rate, corner)
                 seconds, error = _lead(smooth, causes, ticks.rate, np.flatnonzero(usable[:, i]), settings)
                 table[name] = replace(table[name], lead=seconds, lead_error=error)
     return table, cutoff
@@ -92,8 +82,8 @@ def _lead(
 
 def _inside(n: int, cutoff: float, rate: float, stretches: Sequence[slice]) -> Mask:
     longest = max(s.stop - s.start for s in stretches)
-    edge = min(edge_samples(cutoff, rate), longest // 4)
-    return interior(n, edge, stretches)
+    edge = min(signals.edge_samples(cutoff, rate), longest // 4)
+    return signals.interior(n, edge, stretches)
 
 
 def _still(log: Log, name: str, rotary: bool, widest: float) -> AxisQuality:
@@ -104,7 +94,7 @@ def _still(log: Log, name: str, rotary: bool, widest: float) -> AxisQuality:
     moves = high - low > max(10.0 * step, min(40.0 * step, 1e-3 * widest), 1e-6) and len(good) > 10
     # A few steps beside an axis that goes a thousand times as far are its shaking.
     # Noise about a held position has no memory; any motion has, even at ten samples a stroke.
-    moves = moves and bool(autocorrelation(good, 1)[1] > 0.5)
+    moves = moves and bool(signals.autocorrelation(good, 1)[1] > 0.5)
     return AxisQuality(rotary, moves, low, high, 0.0, 0.0)
 
 
@@ -114,7 +104,7 @@ def axis_findings(
     table: Mapping[str, AxisQuality],
     channels: Mapping[str, ChannelQuality],
     limits: Mapping[str, Limits],
-    ticks: Clock | None,
+    ticks: signals.Clock | None,
     settings: Settings = USUAL,
 ) -> Iterator[Finding]:
     """Say what is wrong with, or missing from, the axes."""
@@ -185,7 +175,7 @@ def _limit_findings(
         yield finding("effort_limit", f"{name}.u", top=top, limit=limits.effort)
 
 
-def _hunting(log: Log, name: str, axes: Mapping[str, bool], ticks: Clock) -> Iterator[Finding]:
+def _hunting(log: Log, name: str, axes: Mapping[str, bool], ticks: signals.Clock) -> Iterator[Finding]:
     """Say of a position that swings about a command which stands, faster than any other axis is told to move."""
     if f"{name}.qr" not in log or not np.isfinite(log[f"{name}.q"]).all():
         return
@@ -193,7 +183,7 @@ def _hunting(log: Log, name: str, axes: Mapping[str, bool], ticks: Clock) -> Ite
     stands = np.abs(np.diff(orders[name], prepend=orders[name][:1])) <= 1e-9 * np.ptp(q)
     least = max(10.0 * (quantisation_step(q) or 0.0), 1e-3 * float(np.ptp(q)))
     found = []
-    for rows in (rows for rows in runs(stands) if np.ptp(q[rows]) > least):
+    for rows in (rows for rows in signals.runs(stands) if np.ptp(q[rows]) > least):
         period, size = _wave(q[rows])
         asked = max(_swings(np.diff(order[rows]), least=0.1) for order in orders.values())
         if period and size > least and len(q[rows]) > max(3.0, 1.5 * asked) * period:
@@ -211,7 +201,7 @@ def _wave(x: Floats, alike: float = 0.6) -> tuple[int, float]:
     if len(x) < _SHORTEST:
         return 0, 0.0
     x = x - np.polyval(np.polyfit(np.arange(len(x)), x, 1), np.arange(len(x)))
-    memory = autocorrelation(x, len(x) // 3)
+    memory = signals.autocorrelation(x, len(x) // 3)
     turned = int(np.argmax(memory < 0.0))
     first, last = np.std(x[: len(x) // 2]), np.std(x[len(x) // 2 :])
     if not turned or last < 0.7 * first or memory[turned:].max() < alike:
@@ -219,7 +209,7 @@ def _wave(x: Floats, alike: float = 0.6) -> tuple[int, float]:
     return turned + int(np.argmax(memory[turned:])), float(np.sqrt(2.0) * last)
 
 
-def _unstable(log: Log, name: str, ticks: Clock, settings: Settings) -> Iterator[Finding]:
+def _unstable(log: Log, name: str, ticks: signals.Clock, settings: Settings) -> Iterator[Finding]:
     """Say of a loop that swings from one limit of its drive to the other, unasked."""
     if not {f"{name}.u", f"{name}.qr"} <= set(log.channels):
         return
@@ -275,7 +265,7 @@ def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Itera
 def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4) -> tuple[float, float]:
     """Return how many times as far as its command a position goes, and the error, from the places where it rests."""
     speed = np.abs(np.diff(command, prepend=command[:1]))
-    rests = [s for s in runs(speed <= 1e-3 * speed.max(initial=0.0)) if s.stop - s.start >= stay]
+    rests = [s for s in signals.runs(speed <= 1e-3 * speed.max(initial=0.0)) if s.stop - s.start >= stay]
     if len(rests) < places:
         return 1.0, np.inf
     x, y = (np.array([z[(s.start + s.stop) // 2 : s.stop - 1].mean() for s in rests]) for z in (command, q))

@@ -1,7 +1,4 @@
-"""What became of a log while it was recorded: rows lost or held, a slower log drawn through, a frozen channel.
-
-All of it shows in the rows themselves, whatever the machine: a command is smooth, and no two measurements are alike.
-"""
+"""What the rows themselves show of recording: rows lost or held, a slower log drawn through, a frozen channel."""
 
 from __future__ import annotations
 

@@ -16,19 +16,12 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a user should know.
+    """One thing that a user should know."""
 
-    Attributes:
-        severity: ``error`` (the log cannot be used so), ``warning`` (results suffer), ``info``.
-        channel: the channel or axis concerned, "" for the whole log.
-        message: one sentence with the remedy.
-        code: the kind of finding in one word, for programs; "" where none needs it.
-    """
-
-    severity: Severity
-    channel: str
-    message: str
-    code: str = ""
+    severity: Severity  # ``error`` (the log cannot be used so), ``warning`` (results suffer), ``info``
+    channel: str  # the channel or axis concerned, "" for the whole log
+    message: str  # one sentence with the remedy
+    code: str = ""  # the kind of finding in one word, for programs; "" where none needs it
 
     @property
     def axis(self) -> str:
@@ -74,8 +67,7 @@ class AxisQuality:
     high: float  # highest position [m or rad]
     speed: float  # highest speed reached [1/s]
     acceleration: float  # highest acceleration reached [1/s²]
-    # time by which the effort is ahead of the position [s], None where it cannot be told
-    lead: float | None = None
+    lead: float | None = None  # time by which the effort is ahead of the position [s]; None where untold
     lead_error: float | None = None  # standard error of that [s]
 
 

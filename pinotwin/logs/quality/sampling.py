@@ -65,9 +65,8 @@ def implausible_clock(c: Clock) -> str:
 def resample(log: LogLike, rate: float, gap: float = 5.0, *, smooth: bool = False) -> Log:
     """Return the log on a uniform clock, by linear interpolation; the notes say what was made up.
 
-    Nothing is made up across a gap, a clock that runs backward, or a missing value: the new log
-    has a break there too. There is no anti-alias filter: low-pass first when going to a lower
-    rate.
+    Nothing is made up across a gap, a clock that runs backward, or a missing value: there is a break there too.
+    Nothing is low-passed: do that first when going to a lower rate.
 
     Args:
         log: needs ``t``; a log or its file.
