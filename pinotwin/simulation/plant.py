@@ -30,10 +30,9 @@ class Plant:
     ground: Floats  # M_D of the passive joints that count from the ground, shape (nv,)
 
     def substeps(self, sampling: float, step: float, shortest: float = 1e-5) -> int:
-        """Return the internal steps a sample, none longer than ``step`` [s]: no dry friction turns within one.
+        """Return the internal steps a sample, none longer than ``step`` or shorter than ``shortest`` [s].
 
-        The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding, h
-        sqrt(stiffness / M) is well below 2. Stiff friction asks for steps down to ``shortest`` [s].
+        Stable for (slope of friction over speed) h / M < 1 and, for presliding, h sqrt(stiffness / M) well below 2.
         """
         longest = min(step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
@@ -58,11 +57,7 @@ class Plant:
         return at_rest(self.tables, t, **rooms)
 
     def hanging(self, h: float) -> Modes:
-        """Return the loads on springs at the internal step h [s].
-
-        The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``;
-        the step is exact for an acceleration that does not change within it.
-        """
+        """Return the loads on springs at the internal step h [s]: x'' + 2 zeta w x' + w² x = a, a held."""
         joint, share, frequency, damping = np.array(self.modes, dtype=float).reshape(-1, 4).T.copy()
         w = 2.0 * np.pi * frequency
         pull = np.stack([w * w, 2.0 * damping * w], axis=1)
