@@ -2,18 +2,13 @@
 
     effort = sum over effects of columns(motion; shape) @ theta            [N or N·m]
 
-``theta`` are the linear coefficients that least squares finds; ``shape`` the few numbers inside a
-column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect never stores what was
-found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
+``theta`` are the linear coefficients that least squares finds; ``shape`` the few numbers inside a column (a Stribeck
+speed, a ripple pitch) that a bounded search finds: each of the ``candidates`` keeps its shapes, which ``shapes()``
+bounds and ``shape_values()`` starts a polish at; ``found.settled()`` is what machine.yaml is to list. Effects are
+frozen dataclasses whose fields are what the YAML may set; none stores what was found. Those whose column is made of
+the model's own effort (``needs``) want a motion that holds it: ``with_model_effort`` of :mod:`pinotwin.effects.scene`.
 
-Identification, simulation, diagnosis, report and documentation read everything they need from here. Effects
-whose column is made of the model's own effort (``needs``) want a motion that holds it: see ``with_model_effort`` of
-:mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
-each keeps its shapes: ``candidate.shapes()`` bounds a further polish, ``candidate.shape_values()`` is where it
-starts, and ``found.settled()`` is what machine.yaml is to list.
-
-A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.known`, which says
-how a user's own is named as well.
+A new effect is one small final class, see :mod:`pinotwin.effects.known`.
 """
 
 from __future__ import annotations

@@ -3,10 +3,8 @@
     tau = k z,      dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h         (Bouc 1967; Wen 1976,
                                                                             10.1061/JMCEA3.0002106)
 
-z, from -1 to 1, is the share of the drag that has built up over the distance x_h since the last
-reversal. It runs in displacement, not in time: at rest it holds. Unlike presliding (micrometres) the
-distance is millimetres or degrees, so that a stroke may end before the drag has turned round, and what
-it is depends on strokes made long before.
+z, from -1 to 1, is the share of the drag that has built up over the distance x_h since the last reversal, in
+displacement: at rest it holds. Unlike presliding (micrometres) the distance is millimetres or degrees.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Errors of sensors: late or wrongly scaled effort, periodic error of an encoder.
+"""Errors of sensors: late or wrongly scaled effort, periodic error of an encoder; they change what is logged.
 
-They change what is logged, not what the machine does. The effort in their columns is the model's, never
-the measured one: measured effort holds the very thing that is to be explained.
+The effort in their columns is the model's: measured effort holds the very thing that is to be explained.
 """
 
 from __future__ import annotations
