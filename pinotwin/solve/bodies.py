@@ -3,10 +3,9 @@ r"""Least squares whose inertias stay near those of the URDF, and so are those o
     minimise  1/2 |R theta - z|^2 + g sum_i [ 1/2 tr((J0_i^-1 J_i)^2) - log det(J0_i^-1 J_i) ],   theta = (P pi, phi)
 
 J is a body's pseudo-inertia, J0 the URDF's. The bracket is the log-det divergence (Lee, Wensing & Park 2020,
-doi:10.1109/TRO.2019.2958219) plus its own second-order form, whose linear terms cancel. The sum is convex and its own
-barrier: a damped Newton method never leaves the cone. Each of its steps is a least-squares problem, solved by QR, for a
-log may weigh 1e10 times what the URDF does; rotor inertias stay positive in it (Lawson and Hanson), and coefficients
-that would leave their bounds end there.
+doi:10.1109/TRO.2019.2958219) plus its own second-order form, whose linear terms cancel: convex and its own barrier. A
+damped Newton step is a least-squares problem by QR, for a log may weigh 1e10 times the URDF; rotor inertias stay
+positive in it (Lawson and Hanson), and coefficients that would leave their bounds end there.
 
     F dx = -c,   F = [A; sqrt(g) J0^-1/2 E J0^-1/2; sqrt(g) J^-1/2 E J^-1/2],   E = dJ / dpi
 """

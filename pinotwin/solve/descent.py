@@ -1,7 +1,4 @@
-"""The one bounded search for a least sum of squares whose residuals and slopes come out of one evaluation.
-
-The trust-region reflective method (Branch, Coleman and Li 1999, doi:10.1137/S1064827595289108), as scipy has it.
-"""
+"""The one bounded search of least squares: trust-region reflective (Branch 1999, doi:10.1137/S1064827595289108)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """By how much a signal comes late for what explains it, and how sure that is.
 
-The signal is shifted sample by sample against a basis of all that may cause it, and the share of its power that
-is left is drawn against the shift: a cross-correlation from which friction, gravity and the like have been taken
-out. A parabola through the lowest three points gives the fraction of a sample; leaving out one block of the log
-after the other (jackknife) gives the standard error.
+The share of its power that is left off a basis of all that may cause it (friction, gravity) is drawn against the
+shift; a parabola through the lowest three points gives the fraction of a sample, a jackknife its standard error.
 """
 
 from __future__ import annotations
@@ -29,10 +27,7 @@ class Lag:
 
 
 def lag(u: Floats, rows: Ints, basis: Floats, reach: int, *, most: int = 61, blocks: int = 8) -> Lag:
-    """Return by how many samples a signal u (n,) is late for causes with an orthonormal basis (m, k) at rows (m,).
-
-    At most ``most`` shifts up to ``reach`` samples are tried, and ``blocks`` stretches left out in turn.
-    """
+    """Return samples by which u (n,) lags an orthonormal basis (m, k) at rows (m,): ``most`` shifts up to ``reach``."""
     shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, most)).round().astype(int))
     starts = np.linspace(0, len(rows), blocks + 1).astype(int)[:-1]
     power, size = np.empty((len(shifts), blocks)), np.empty(len(shifts))

@@ -1,12 +1,9 @@
-"""The joint refinement of all shapes by variable projection.
+"""The joint refinement of all shapes by variable projection, || P(x) y ||^2, P(x) = projector off the columns W(x).
 
-    minimise over x  || P(x) y ||^2,   P(x) = projector off the columns W(x)
-
-with Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
-doi:10.1088/0266-5611/19/2/201), in the small coordinates of :mod:`pinotwin.solve.projection`, by the
-bounded trust-region method of `scipy.optimize.least_squares`. That takes the curvature from the Jacobian alone, which
-is wrong by what the residual bends: where the model leaves much (a ripple's pitch beside a flexible frame), its steps
-overshoot to and fro, and the gradient, which is exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
+Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
+doi:10.1088/0266-5611/19/2/201) takes the curvature from itself alone: where the model leaves much (a ripple's pitch
+beside a flexible frame), steps of `scipy.optimize.least_squares` overshoot to and fro, and the gradient, which is
+exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
 """
 
 from __future__ import annotations
