@@ -1,7 +1,6 @@
 """Laws to start from: the gains by least squares, for a few lags and notches.
 
-Effort, error and command are all logged and the law is linear in its gains: its columns through its own filters, on a
-fine clock. Its error carries the encoder's noise and the law is fed back, so that this answer is biased.
+The columns go through their own filters on a fine clock; encoder noise that is fed back biases this answer.
 """
 
 from __future__ import annotations

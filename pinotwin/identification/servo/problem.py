@@ -51,11 +51,7 @@ def skipped(step: float, seconds: float = 0.25) -> int:
 
 @dataclass(frozen=True)
 class AxisProblem:
-    """One axis alone: its command, what was measured, and what the plant says of it.
-
-    Of windows that meet in a stretch the later goes on where the earlier ends: what friction and integrator
-    remember is not measured. ``noise`` has shape (2,), for e and u.
-    """
+    """One axis alone: command, measurements, plant; ``noise`` (2,) of e and u. Windows that meet go on, unreset."""
 
     step: float  # sampling interval [s]
     qr: Floats  # command, shape (n,)
