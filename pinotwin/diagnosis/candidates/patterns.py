@@ -1,7 +1,6 @@
 """Patterns that no effect of the catalogue has: they compete with the effects and name nothing.
 
-Where one of them closes more than every effect, something is there that follows it, and is said so: an
-effort that swings in time, a ripple that grows with speed, a curve over speed or over position and speed.
+An effort that swings in time, a ripple that grows with speed, a curve over speed or over position and speed.
 """
 
 from __future__ import annotations

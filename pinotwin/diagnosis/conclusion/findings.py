@@ -23,12 +23,7 @@ LIKELY = 0.5
 
 
 def effects_named(account: Account, levels: Mapping[int, float]) -> list[Found]:
-    """Return the effects that a search has found, patterns left out.
-
-    Args:
-        account: of the search.
-        levels: joint -> RMS of its gap [N or N·m].
-    """
+    """Return the effects that a search has found, patterns left out; ``levels``: joint -> RMS of its gap [N or N·m]."""
     return [_named(account, turn, levels) for turn in account.turns]
 
 

@@ -1,14 +1,12 @@
 r"""What a twin leaves of its own logs that comes again with the motion: its habit.
 
-A twin that lacks an effect leaves it wherever the motion asks for it, in long stretches that stand as high as a push
-does. What is left of an axis is therefore told first, by functions of its own motion,
+What is left of an axis is told first by functions of its own motion,
 
     r = sum_k c_k X_k(q, v, m) + rest,      m the model's own effort,
 
-the coefficients held small by a ridge, whose weight is the one that predicts best what was left out: stretches of the
-own logs, each from all others. A habit is used only where it closes enough of them. Beyond what the own logs have
-visited every function stays where it was last. The motion of the other axes has no part in it: with it, a healthy
-robot whose twin knows one log of 12 s "was pushed" where only its posture was new.
+under the ridge that predicts best stretches of the own logs from all others, and only where it closes enough of them.
+Beyond what these have visited every function stays where it was last. The other axes' motion has no part in it: a
+healthy robot would be said to be pushed where only its posture is new.
 """
 
 from __future__ import annotations

@@ -88,10 +88,7 @@ class Searcher:
         return {j: base.residual[j] - base.columns[j] @ delta for j in base.sample.joints}
 
     def table(self, effect: Effect, *, screen: bool = False) -> Table | None:
-        """Return the columns of an effect on every sample; None if it acts on no row or is not finite.
-
-        With ``screen`` they are computed on the thinned motion: near, and much faster.
-        """
+        """Return an effect's columns on every sample (``screen``: thinned); None on no row or if not finite."""
         samples = self.comparison.samples
         tables = [s.screened(effect) if screen else s.columns(effect) for s in samples]
         if not tables[0] or not all(np.isfinite(x).all() for t in tables for x in t.values()):
@@ -138,10 +135,7 @@ class Searcher:
         return 1.0 / max(self.comparison.new.size(axis.index), 1e-300) ** 2
 
     def main_gains(self, one: Scored) -> tuple[Floats, Floats]:
-        """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,).
-
-        A body on a link moves every joint before it: what it closes in all is no share of one joint's gap.
-        """
+        """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,)."""
         if len(one.table[0]) > 1:
             return self.gains_at(one, one.joint)
         alone = self.ground.alone

@@ -23,14 +23,9 @@ STRETCH = 1.0
 def trial(c: Comparison, left: Mapping[int, Floats], cause: Scored, rng: np.random.Generator) -> Comparison:
     """Return the comparison with what the model leaves anyway laid in another order, and the cause put in.
 
-    What the twin always lacked of this very cause is taken off every change; it comes with the motion and is not
-    laid elsewhere.
-
-    Args:
-        c: what is compared.
-        left: joint -> what a machine's model leaves of these logs, floor units; of a twin its own logs are taken.
-        cause: with its size and columns.
-        rng: order of the stretches.
+    ``left``: joint -> what a machine's model leaves of these logs, floor units; of a twin its own logs are taken. What
+    the twin always lacked of this very cause comes with the motion: it is taken off every change and not laid
+    elsewhere.
     """
     residual: Mapping[int, Floats] = {j: left[j] * c.floor[j] for j in left}
     theta = cause.judged.theta
