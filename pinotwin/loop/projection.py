@@ -33,8 +33,7 @@ from pinotwin.loop.responses import (
 from pinotwin.loop.sections import Discrete, discretise
 from pinotwin.loop.structure import Section
 
-BLOCK = 1000
-"""Rows that are filtered and factored at once."""
+BLOCK = 1000  # Rows that are filtered and factored at once
 
 
 @dataclass(frozen=True)

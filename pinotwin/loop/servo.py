@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
-TWO_SIDED = 1.645
-"""Standard errors on either side of a value that make 90 %."""
+TWO_SIDED = 1.645  # Standard errors on either side of a value that make 90 %
 NARROW = 0.10
 """A gain is determined where its 90 % interval reaches no further from it than this share of it: a simulation
 or a new tuning that takes it for the truth is then off by no more than a tenth."""
