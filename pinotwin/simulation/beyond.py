@@ -40,7 +40,10 @@ def beyond(twin: Twin, asked: Request, most: int = 2000) -> tuple[str, ...]:
 
 
 def unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
-    """Return the error of the twin's effort in a motion, (n, nv) [N or N·m]; unknown effects by their own travel."""
+    """Return the error of the twin's effort in a motion, (n, nv) [N or N·m].
+
+    Of an unknown effect it is how far the value that it holds there is from those along its ``own`` travel.
+    """
     error = twin.effort_error(motion)
     for effect, theta in twin.pairs:
         strange = ~effect.known(motion)

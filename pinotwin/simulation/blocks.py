@@ -20,8 +20,7 @@ from pinotwin.errors import TwinError
 from pinotwin.loop import LoopModel, ModalStep, Section, Structure
 from pinotwin.machine import Machine
 
-E, E_RATE, E_RATE2, U = range(4)
-"""Rows of ``Blocks.C``: e, e', e'', u."""
+E, E_RATE, E_RATE2, U = range(4)  # Rows of ``Blocks.C``: e, e', e'', u
 D_RATE, D_RATE2, DA_RATE2, GAIN, U_V, U_A, U_D, LOAD_E, LOAD_U = range(9)
 """Columns of ``Blocks.direct``, see :class:`Blocks`."""
 
@@ -57,7 +56,7 @@ class _Laid(NamedTuple):
 def lay_blocks(
     machine: Machine, loops: Mapping[str, LoopModel], diagonal: Mapping[str, Floats], step: float
 ) -> Blocks:
-    """Return the blocks of all joints at an internal step [s]; TwinError for a loop or a spring that cannot be laid."""
+    """Return all joints' blocks at an internal step [s]; TwinError if a loop cannot be laid or a spring is missing."""
     direct, ideal = np.zeros((machine.nv, 9)), np.zeros(machine.nv, dtype=np.intp)
     held = {_partner(machine, loop): name for name, loop in loops.items() if _wide(loop)}
     laid: list[_Laid | None] = []

@@ -19,8 +19,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import segments
 
-FEWEST = 8
-"""Rows below which there is nothing to simulate."""
+FEWEST = 8  # Rows below which there is nothing to simulate
 
 
 @dataclass(frozen=True)

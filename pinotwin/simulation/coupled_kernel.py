@@ -30,8 +30,7 @@ from pinotwin.simulation.plant_kernel import (
     pace_of,
 )
 
-SERVO, IDEAL, PASSIVE = 0, 1, 2
-"""Kinds of joints: under a controller, on its command, without either."""
+SERVO, IDEAL, PASSIVE = 0, 1, 2  # Kinds of joints: under a controller, on its command, without either
 
 
 @leaf

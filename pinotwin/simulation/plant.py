@@ -57,7 +57,10 @@ class Plant:
         return at_rest(self.tables, t, **rooms)
 
     def hanging(self, h: float) -> Modes:
-        """Return the loads on springs at the internal step h [s]: x'' + 2 zeta w x' + w² x = a, a held."""
+        """Return the loads on springs at the internal step h [s], exact for an acceleration a that is held within it.
+
+        The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``.
+        """
         joint, share, frequency, damping = np.array(self.modes, dtype=float).reshape(-1, 4).T.copy()
         w = 2.0 * np.pi * frequency
         pull = np.stack([w * w, 2.0 * damping * w], axis=1)

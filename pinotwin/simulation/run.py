@@ -31,8 +31,7 @@ from pinotwin.twin.twin import TwinLike, as_twin
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
-Loops = str | Mapping[str, Servo]
-"""One of :data:`FORMS`, or controllers by axis."""
+Loops = str | Mapping[str, Servo]  # One of :data:`FORMS`, or controllers by axis
 FORMS = ("coupled", "black", "vibration")
 
 
@@ -60,8 +59,7 @@ def simulate(
 
     Args:
         twin: the machine, with its loops; or its folder.
-        log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
-            used.
+        log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
         controller: None: the form that predicted held-out data best when the twin was identified
             (``twin.quality["simulation"]``). ``"coupled"``: the identified controllers around the

@@ -10,8 +10,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.signals import rms
 
-STILL = 1e-9
-"""Command between two rows, as a share of its travel, that counts as standing."""
+STILL = 1e-9  # Command between two rows, as a share of its travel, that counts as standing
 
 
 def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, dict[str, float]]]:

@@ -30,10 +30,8 @@ from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
 
 S = TypeVar("S")
-SPEEDS = 1024
-"""Intervals of a table over speed."""
-_FINE = 2e-5
-"""A position table is refined until its midpoints are off by less than this share of its range."""
+SPEEDS = 1024  # Intervals of a table over speed
+_FINE = 2e-5  # A position table is refined until its midpoints are off by less than this share of its range
 _MOST = 1 << 18
 
 
