@@ -112,8 +112,7 @@ class Effect(abc.ABC):
         contains: simpler effects that are special cases of this one on the same axis.
         imitates: effects that look much like it in an ordinary log.
         inseparable: effects that no motion of the axis can tell from it by the axis' own signals.
-        unlisted: why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it
-            can.
+        unlisted: why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it can.
         several: whether an axis may list it more than once (ripples of several pitches).
         needs: channels of the motion that :func:`pinotwin.effects.with_model` must have filled.
         searched: how many numbers a search over its candidates chooses: the price of finding it.
@@ -121,15 +120,13 @@ class Effect(abc.ABC):
             without it.
         sharp: whether its effort changes faster than the motion does: its columns then go through the low-pass
             that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`.
-        uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its
-            axis.
+        uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its axis.
         refined_in_loop: whether the closed loop may refine its coefficients, if it is friction or an effort of
             position.
         fades: whether its effort vanishes at speed, as Stribeck's does.
         held: whether its coefficients are held weakly within the size of the effort: knots that a log hardly
             passes would run away.
-        local: whether each of its coefficients is told at one place of the travel alone, as a table's knots
-            are.
+        local: whether each of its coefficients is told at one place of the travel alone, as a table's knots are.
         causes: what its effort counts as in the generalised disturbance: one word for all coefficients, or one
             for each. ``stiffness`` and ``viscous`` say that the column is the axis' own q or v.
         depends: what its columns are a function of, so that a simulation can tabulate them: ``position``,

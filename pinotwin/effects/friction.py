@@ -21,8 +21,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import since_start
 
-FADES = np.geomspace(0.006, 0.3, 6)
-"""Speeds at which friction may have faded, as shares of the top speed."""
+FADES = np.geomspace(0.006, 0.3, 6)  # Speeds at which friction may have faded, as shares of the top speed
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,9 @@ from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.system.kernels import compiled
 
-LONG = np.geomspace(0.005, 0.5, 8)
-"""Distances of build-up that are tried, as shares of the travel."""
-SHARP = (0.5, 1.0, 2.0)
-"""Exponents that are tried."""
-BUILT_UP = 1e-10
-"""[per distance] What z still gains when it counts as built up."""
+LONG = np.geomspace(0.005, 0.5, 8)  # Distances of build-up that are tried, as shares of the travel
+SHARP = (0.5, 1.0, 2.0)  # Exponents that are tried
+BUILT_UP = 1e-10  # [per distance] What z still gains when it counts as built up
 
 
 @compiled

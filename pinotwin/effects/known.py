@@ -66,8 +66,7 @@ EFFECTS: dict[str, type[Effect]] = {
 LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
 """Names that an axis may list in machine.yaml."""
 
-EffectLike = Effect | type[Effect] | str
-"""An effect, its class, ``module:Class``, or the name of a known one."""
+EffectLike = Effect | type[Effect] | str  # An effect, its class, ``module:Class``, or the name of a known one
 
 _BROKEN: tuple[type[Exception], ...] = (ArithmeticError, AttributeError, ImportError, LookupError, NameError)
 _BROKEN += (OSError, SyntaxError, TypeError, ValueError)  # what a file with a mistake raises

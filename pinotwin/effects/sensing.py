@@ -21,12 +21,9 @@ SPANS = (3e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2, -3e-4, -1e-3, -3e-3, -1e-2, -2e-2)
 """Delays (leads where negative) that are tried [s]."""
 FIRST_ORDER = 1.5e-3
 """Span up to which a delay is its first order: the change of the effort times the delay [s]."""
-WHOLE = 0.75
-"""Share of a longer span that a delay must come to: play, which looks like one, reaches less."""
-TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)
-"""Errors a turn that are tried."""
-WAVES = np.geomspace(2.0, 40.0, 31)
-"""Errors a travel that are tried on a linear axis."""
+WHOLE = 0.75  # Share of a longer span that a delay must come to: play, which looks like one, reaches less
+TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)  # Errors a turn that are tried
+WAVES = np.geomspace(2.0, 40.0, 31)  # Errors a travel that are tried on a linear axis
 
 
 @dataclass(frozen=True)

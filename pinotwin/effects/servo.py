@@ -17,8 +17,7 @@ from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 
 CONTROLLER = "belongs to the controller, which identify finds from the logged command"
-AT_LIMIT = 2e-3
-"""Share of rows that a drive must spend at its limit, and how near to it they are."""
+AT_LIMIT = 2e-3  # Share of rows that a drive must spend at its limit, and how near to it they are
 
 
 def _rates(effect: OneAxis, motion: Motion) -> Floats:

@@ -25,12 +25,9 @@ from pinotwin.system.kernels import compiled
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
 changes with the posture."""
-LOWEST_MODE = 8.0
-"""Lowest frequency of a mode that is tried [Hz]."""
-DAMPING = (0.03, 0.08, 0.2)
-"""Damping ratios that are tried."""
-GAPS = np.geomspace(0.1, 13.0, 13)
-"""Gaps from which identification starts, times 10 um or 0.1 mrad."""
+LOWEST_MODE = 8.0  # Lowest frequency of a mode that is tried [Hz]
+DAMPING = (0.03, 0.08, 0.2)  # Damping ratios that are tried
+GAPS = np.geomspace(0.1, 13.0, 13)  # Gaps from which identification starts, times 10 um or 0.1 mrad
 FINE_GAPS = np.geomspace(0.1, 50.0, 36)
 """Gaps that a search tries, times 10 um or 0.1 mrad: a play off by a fifth meets its faces at other times, and
 closes next to nothing."""
