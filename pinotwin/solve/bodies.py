@@ -23,12 +23,10 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.pseudoinertia import BASIS, pseudo_inertia
 from pinotwin.solve.tsqr import r_factor
 
-HOLD = 1e-6
-"""Share of the data's information that holds a coefficient where nothing else tells it."""
+HOLD = 1e-6  # Share of the data's information that holds a coefficient where nothing else tells it
 SETTLED, SHORT = 1e-8, 1e-10
 """Gain [squared standard deviations] and length of a Newton step from which the search has ended."""
-SEEN = 1e-9
-"""Length of a column, over the longest of its kind, from which the data see it."""
+SEEN = 1e-9  # Length of a column, over the longest of its kind, from which the data see it
 TRIANGLE = np.triu_indices(4)
 TWICE = np.where(TRIANGLE[0] == TRIANGLE[1], 1.0, np.sqrt(2.0))
 

@@ -65,10 +65,11 @@ def held_out(
     options: Options | None = None,
     edges: Ints | None = None,
 ) -> HeldOut:
-    """Predict each of ``folds`` stretches from the others, ``guard`` slots (a twentieth) apart; DataError for too few.
+    """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
     ``edges`` are where other stretches, such as whole logs, begin and end, shape (folds + 1,); they need no guard.
-    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
+    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them. DataError for
+    fewer instants than two per fold.
     """
     options = options or Options()
     order, times = fold_order(problem)

@@ -11,8 +11,7 @@ import scipy
 
 from pinotwin.arrays import Floats
 
-Evaluate = Callable[[Floats], tuple[Floats, Floats]]
-"""From a point (k,) to residual (m,) and Jacobian (m, k)."""
+Evaluate = Callable[[Floats], tuple[Floats, Floats]]  # From a point (k,) to residual (m,) and Jacobian (m, k)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,10 @@ class Lag:
 
 
 def lag(u: Floats, rows: Ints, basis: Floats, reach: int, *, most: int = 61, blocks: int = 8) -> Lag:
-    """Return samples by which u (n,) lags an orthonormal basis (m, k) at rows (m,): ``most`` shifts up to ``reach``."""
+    """Return by how many samples a signal u (n,) is late for causes with an orthonormal basis (m, k) at rows (m,).
+
+    At most ``most`` shifts up to ``reach`` samples are tried, and ``blocks`` stretches left out in turn.
+    """
     shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, most)).round().astype(int))
     starts = np.linspace(0, len(rows), blocks + 1).astype(int)[:-1]
     power, size = np.empty((len(shifts), blocks)), np.empty(len(shifts))

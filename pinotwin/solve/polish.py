@@ -20,10 +20,8 @@ from pinotwin.solve.projection import Projection, Span
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.tsqr import r_factor
 
-GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40
-"""Most evaluations of the first and of both searches."""
-CLOSE = 1e-9
-"""Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows."""
+GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40  # Most evaluations of the first and of both searches
+CLOSE = 1e-9  # Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from pinotwin.solve.linear import Reduced
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
 
-RANK = 1e-12
-"""Directions shorter than this, relative to the longest scaled one, are dropped."""
+RANK = 1e-12  # Directions shorter than this, relative to the longest scaled one, are dropped
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,8 @@ import scipy
 
 from pinotwin.arrays import Floats, Mask
 
-EMPTY = 1e-13
-"""A column shorter than this times the longest one is taken as empty."""
-LINKED = 1e-6
-"""Entries of the null space's projector above this tie two parameters together."""
+EMPTY = 1e-13  # A column shorter than this times the longest one is taken as empty
+LINKED = 1e-6  # Entries of the null space's projector above this tie two parameters together
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,10 @@ class Rank:
 
 
 def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
-    """Split the parameters' space of R (k, p) by the smallest pivot over the largest; ``scale`` is one unit of each."""
+    """Split the parameters' space of a factor R (k, p), by the smallest pivot relative to the largest.
+
+    ``scale`` is the length that counts as one unit of each parameter, the inverse column length where not given.
+    """
     p = R.shape[1]
     length = np.linalg.norm(R, axis=0)
     empty = length <= EMPTY * length.max(initial=0.0)

@@ -10,8 +10,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 
-BLOCK = 1000
-"""Rows per block: small enough for the cache, large enough for the call."""
+BLOCK = 1000  # Rows per block: small enough for the cache, large enough for the call
 
 
 def r_factor(A: Floats, block: int = BLOCK) -> Floats:
