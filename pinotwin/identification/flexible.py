@@ -29,8 +29,7 @@ from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop
 
-KEY = "with_vibration"
-"""Where ``quality["loops"][axis]`` keeps the loop."""
+KEY = "with_vibration"  # Where ``quality["loops"][axis]`` keeps the loop
 
 
 def tie_loops(

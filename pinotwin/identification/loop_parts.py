@@ -18,8 +18,7 @@ from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Parameters
 from pinotwin.twin.parameters import verdict
 
-TRAINED = 2.0 / 3.0
-"""Share of the log on which the orders are compared; the rest judges them."""
+TRAINED = 2.0 / 3.0  # Share of the log on which the orders are compared; the rest judges them
 
 
 @dataclass

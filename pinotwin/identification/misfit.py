@@ -27,8 +27,9 @@ def misfit_of(
 ) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
-    The parts are predicted by least squares on the others, moved by what consistency and the closed loop moved it
-    itself; rows ``known`` part by part are found anew where loops changed its effects.
+    The parts are predicted by least squares on the others, moved by what physical consistency and the closed loop
+    moved it itself away from least squares on all. What is ``known`` of the rows as they were fitted, part by part, is
+    found anew where loops changed its effects.
     """
     motion, log = without_model(motion), known.log
     if len(motion) > settings.kept:

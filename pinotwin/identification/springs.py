@@ -41,7 +41,7 @@ def find_springs(
 
 
 def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], settings: Settings) -> OpenLoop:
-    """Return the plant with a spring of the motors' rows, as doubtful as the CAD is of what no motor sees.
+    """Return the plant with a spring of the motors' rows, as doubtful as the CAD, and CAD for what no motor sees.
 
     ``spring`` is its stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
     """

@@ -15,14 +15,11 @@ from pinotwin.identification.servo.output_error import free_gains, misfit
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 
-NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
-"""Frequencies at which a notch is looked for [Hz]."""
-NOTCH = (0.1, 0.6)
-"""Damping ratios of its zeros and poles, to start with."""
+NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)  # Frequencies at which a notch is looked for [Hz]
+NOTCH = (0.1, 0.6)  # Damping ratios of its zeros and poles, to start with
 LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 """Time constants of the velocity's filter from which the search starts [s]."""
-OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
-"""Lag of the current loop and dead time from which the search starts [s]."""
+OUTPUT_LAG, DEAD = 2e-4, 1.2e-4  # Lag of the current loop and dead time from which the search starts [s]
 
 
 def _columns(p: AxisProblem) -> list[tuple[Floats, Floats]]:

@@ -51,7 +51,10 @@ def skipped(step: float, seconds: float = 0.25) -> int:
 
 @dataclass(frozen=True)
 class AxisProblem:
-    """One axis alone: command, measurements, plant; ``noise`` (2,) of e and u. Windows that meet go on, unreset."""
+    """One axis alone: its command, what was measured, and what the plant says of it; ``noise`` (2,) is that of e and u.
+
+    Of windows that meet the later goes on where the earlier ends: what friction and integrator hold is not measured.
+    """
 
     step: float  # sampling interval [s]
     qr: Floats  # command, shape (n,)

@@ -17,12 +17,9 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation.law import LONGEST
 
-BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
-"""Of the position loop [Hz], to start from."""
-BRIEF, REPOLISH = 4, 4
-"""Steps of a search that only looks, and of one that goes on."""
-FORMS = ("proportional", "cascade", "pid")
-"""Simpler laws, in the order in which they are preferred."""
+BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)  # Of the position loop [Hz], to start from
+BRIEF, REPOLISH = 4, 4  # Steps of a search that only looks, and of one that goes on
+FORMS = ("proportional", "cascade", "pid")  # Simpler laws, in the order in which they are preferred
 STANDSTILL = ("fading", "distance")
 """Friction that shows about standstill, where an effort along a measured position tells it worst."""
 
