@@ -32,8 +32,7 @@ from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 from pinotwin.units import in_log_unit
 
-Z90 = 1.6449
-"""Half width of a 90 % interval in standard errors."""
+Z90 = 1.6449  # Half width of a 90 % interval in standard errors
 
 
 @dataclass(frozen=True)
