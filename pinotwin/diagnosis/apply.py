@@ -14,8 +14,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.from_model import with_bodies
 from pinotwin.twin import Twin
 
-SAME = 0.03
-"""Share by which two pitches may differ and be one ripple whose size has changed."""
+SAME = 0.03  # Share by which two pitches may differ and be one ripple whose size has changed
 
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:

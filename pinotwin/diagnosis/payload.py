@@ -13,8 +13,7 @@ from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, wit
 from pinotwin.dynamics.pseudoinertia import pseudo_inertia
 from pinotwin.twin import Twin
 
-LEAST = 1e-3
-"""Mass that stays on a link from which more was taken off than the model has there [kg]."""
+LEAST = 1e-3  # Mass that stays on a link from which more was taken off than the model has there [kg]
 
 
 def physical(pi: Floats) -> Floats:

@@ -21,11 +21,9 @@ SAME = {"joint_flexibility": "drive_flexibility"}
 """Effects whose columns are those of another one: not tried where that is."""
 
 
-BESIDE = {"viscous_thermal": ("viscous",)}
-"""Effects that are tried together with what they change."""
+BESIDE = {"viscous_thermal": ("viscous",)}  # Effects that are tried together with what they change
 
-SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}
-"""Effects that are no more than others together."""
+SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}  # Effects that are no more than others together
 
 
 def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Iterator[Effect]:

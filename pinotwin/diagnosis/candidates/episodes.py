@@ -15,10 +15,8 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
 
-WIDTHS = np.geomspace(0.04, 6.0, 15)
-"""Lengths of an episode that are tried [s]."""
-MOST = 40
-"""Most episodes of one axis."""
+WIDTHS = np.geomspace(0.04, 6.0, 15)  # Lengths of an episode that are tried [s]
+MOST = 40  # Most episodes of one axis
 
 
 @dataclass(frozen=True)
@@ -197,7 +195,10 @@ def _levelled(r: Floats, found: Sequence[tuple[int, int]], told: Mask | None = N
 
 
 def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
-    """Return what constants leave, every other pair of rows predicted from those between; a strong part by its own."""
+    """Return what constants leave, every other pair of rows predicted from those between them.
+
+    Of a strong part within a longer push, the constant is told by what that leaves of the same rows.
+    """
     half = (np.arange(len(r)) // 2) % 2 == 0
     return np.where(half, _levelled(r, found, ~half), _levelled(r, found, half))
 

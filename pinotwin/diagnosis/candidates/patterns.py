@@ -129,8 +129,7 @@ class PositionSpeedCurve(_Curve):
         return self._hats(motion.q) * (np.sign(motion.v) if self.dry else motion.v)[:, None]
 
 
-LOUDEST = 3
-"""Frequencies above those of the grid that are tried: where the spectrum of what is left peaks."""
+LOUDEST = 3  # Frequencies above those of the grid that are tried: where the spectrum of what is left peaks
 PAUSE = 60.0
 """[s] A longer one parts a log as well: a spectrum over the hours between two days' logs would tell no more."""
 

@@ -138,8 +138,7 @@ def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> di
     return out
 
 
-LONGEST = 60.0
-"""Longest that one stroke of an advised motion takes [s]."""
+LONGEST = 60.0  # Longest that one stroke of an advised motion takes [s]
 
 
 def _slow(reach: float, top: float, push: float) -> tuple[Floats, Floats]:

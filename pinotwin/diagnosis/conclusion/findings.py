@@ -18,8 +18,7 @@ from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.diagnosis.signals.servo import ServoChange
 
-LIKELY = 0.5
-"""Share of the winner's gain from which a rival is worth a line."""
+LIKELY = 0.5  # Share of the winner's gain from which a rival is worth a line
 
 
 def effects_named(account: Account, levels: Mapping[int, float]) -> list[Found]:

@@ -13,8 +13,7 @@ from pinotwin.diagnosis.result import Found, Size
 from pinotwin.effects.position import PositionTable
 from pinotwin.system.phrases import NUMBERS
 
-FEW = 4
-"""So many numbers are shown one by one."""
+FEW = 4  # So many numbers are shown one by one
 
 
 def told(sizes: Sequence[Size]) -> list[Size]:

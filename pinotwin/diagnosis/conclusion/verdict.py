@@ -85,7 +85,10 @@ def _left(g: Gap) -> float:
 
 
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
-    """Whether more of an axis' gap stays than its model leaves on healthy logs; of a machine, than effort varies."""
+    """Whether more of an axis' gap stays than its model leaves on healthy logs.
+
+    Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
+    """
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
     return is_open(g.after, g.noise, g.expected, size, rules)

@@ -125,7 +125,7 @@ def _bands(sample: Sample, residual: Floats, joint: int, axis: str) -> list[Regi
 
 
 def telling(regions: Sequence[Region], axes: Sequence[str]) -> list[Region]:
-    """Return the regions as they help a person: axes with a cause first, in turn; that a gap changes slowly last."""
+    """Return the regions in the order that helps: axes with a cause first, in turn; slow changes of a gap last."""
 
     def rank(r: Region) -> tuple[int, bool, bool, float]:
         place = axes.index(r.axis) if r.axis in axes else len(axes)

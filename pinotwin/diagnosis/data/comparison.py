@@ -264,10 +264,8 @@ class _Ready:
         return bent(self.twin, motion, motion)
 
 
-LEAST = 0.1
-"""Of an axis' rows, that must be left."""
-WORTH = 0.01
-"""Of them, that are worth a word if they are left out."""
+LEAST = 0.1  # Of an axis' rows, that must be left
+WORTH = 0.01  # Of them, that are worth a word if they are left out
 
 
 def _known(

@@ -25,8 +25,7 @@ Question = Literal["servo", "tracking"]
 
 INSTANTS = ("presliding", "backlash", "drive_flexibility", "joint_flexibility", "delay", "inertial_coupling")
 """Effects that happen between two samples of a slow log."""
-MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")
-"""Effects within few steps of an encoder."""
+MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")  # Effects within few steps of an encoder
 EVERY = tuple(EFFECTS)
 
 
@@ -151,7 +150,10 @@ def _answered(machine: Machine, finding: Finding, sized: Collection[str]) -> boo
 
 
 def off_command(own: Motion, new: Motion) -> list[str]:
-    """Return axes that kept to their command on the twin's own logs, and that no factor (a unit) brings onto it now."""
+    """Return axes that kept to their command on the twin's own logs, and that no factor brings onto it now.
+
+    The unit of such a position is not in doubt: in another one it would go with its command.
+    """
     if own.qr is None or new.qr is None:
         return []
     kept = [name for name in own.names if name in new.names and _keeps(own, name)]
@@ -217,8 +219,7 @@ def run_away(gate: Gate, own: Motion) -> Gate:
     return replace(gate, questions=questions)
 
 
-_KNOWN = 0.3
-"""Correlation of the measured effort with the twin's from which it is an effort of that axis."""
+_KNOWN = 0.3  # Correlation of the measured effort with the twin's from which it is an effort of that axis
 
 
 def confirmed(gate: Gate, machine: Machine, measured: Floats, said: Floats, rows: Mask) -> Gate:

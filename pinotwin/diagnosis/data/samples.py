@@ -21,8 +21,7 @@ from pinotwin.signals import rms, since_start
 
 ROW_RATE = 200.0
 """Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
-MOST_ROWS = 12_000
-"""Rows of a joint beyond which every log is thinned further."""
+MOST_ROWS = 12_000  # Rows of a joint beyond which every log is thinned further
 SKIMMED_ROWS = 3_000
 """Instants from which the instances of one effect are ranked: enough for a hundred numbers."""
 MOMENTARY = ("position", "velocity")
@@ -154,7 +153,10 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
 
 
 def _sliding(motion: Motion, rows: Rows) -> Rows:
-    """Return the rows on which joints slide; all where nothing is asked to move or a joint never slides in motion."""
+    """Return the rows on which joints slide, all of a joint that never does; a joint that stands all along has none.
+
+    Where no joint is asked to move all are kept.
+    """
     asked = [j for j in rows.joints if motion.vr is None or _top(motion.vr[:, j]) > 0.0] or rows.joints
     pairs = [(j, mask) for j, mask in zip(rows.joints, rows.kept, strict=True) if j in asked]
     kept = tuple(_narrowed(mask, sliding(motion, j)[rows.sample]) for j, mask in pairs)

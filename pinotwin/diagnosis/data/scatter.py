@@ -31,7 +31,10 @@ def scattered(c: Comparison, joint: int, most: float, left: Floats | None = None
 
 
 def _courses(c: Comparison, joint: int, most: float, left: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """Yield of every stretch what is left, and the dry and viscous friction, each by itself, that closes most of it."""
+    """Yield of every stretch what is left there, and the friction more than the twin's that closes most of it.
+
+    Dry and viscous friction differ each by itself: an axis that is warmer drags less, and holds as ever.
+    """
     rows, rubs, whole = c.new.samples(joint), c.rubs[joint], c.rubbing[joint]
     for part in c.new.motion.segments:
         here = (rows >= part.start) & (rows < part.stop)

@@ -15,8 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Size
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
 
-UNKNOWN = 0.3
-"""Standard error from which a centre of mass is not determined [m]."""
+UNKNOWN = 0.3  # Standard error from which a centre of mass is not determined [m]
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,12 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.evidence.moments import Base, Products
 from pinotwin.solve.jackknife import jackknife, solved, without_each
 
-Span = tuple[Floats, Floats]
-"""Lower and upper bounds of coefficients, shape (p,) each."""
+Span = tuple[Floats, Floats]  # Lower and upper bounds of coefficients, shape (p,) each
 FREE, HELD = 1e-6, 1e6
 """Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
-RIDGE = 1e-9
-"""Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined."""
-SCALED_RIDGE = 1e-6
-"""The same for a candidate's own columns, scaled to one."""
-COLLINEAR = 1e-5
-"""Share of a candidate's columns that the model's own must leave for it to be told apart."""
+RIDGE = 1e-9  # Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined
+SCALED_RIDGE = 1e-6  # The same for a candidate's own columns, scaled to one
+COLLINEAR = 1e-5  # Share of a candidate's columns that the model's own must leave for it to be told apart
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,16 +20,11 @@ from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.signals import hats, rms
 
-FOLDS = 8
-"""Stretches of the own logs, each predicted from all others."""
-WEIGHTS = (0.01, 0.1, 1.0)
-"""Weights of the ridge that are tried, of a column's own square."""
-KNOTS = 9
-"""Of the curve over the position."""
-TURNS = 0.02
-"""[of the top speed] Within which dry friction turns round."""
-SLOW = (0.05, 0.2, 0.5)
-"""[of the top speed] Speeds over which friction may fall."""
+FOLDS = 8  # Stretches of the own logs, each predicted from all others
+WEIGHTS = (0.01, 0.1, 1.0)  # Weights of the ridge that are tried, of a column's own square
+KNOTS = 9  # Of the curve over the position
+TURNS = 0.02  # [of the top speed] Within which dry friction turns round
+SLOW = (0.05, 0.2, 0.5)  # [of the top speed] Speeds over which friction may fall
 
 
 @dataclass(frozen=True, eq=False)

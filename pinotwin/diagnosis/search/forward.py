@@ -144,7 +144,10 @@ def _first_of_two(
 
 
 def _as_one(steps: Sequence[Step], rules: Rules) -> list[Step]:
-    """Return the causes with one of several axes for two of one axis each (a load: weight and inertia), if as good."""
+    """Return the causes with one of several axes for two of one axis each, where it closes as much as both together.
+
+    A load's weight looks like a drive's scale on the axis that lifts it, and its inertia is a small gap of another.
+    """
     last = steps[-1].chosen
     for at, step in enumerate(steps[:-1]):
         both = {step.chosen.joint, last.joint}
@@ -189,8 +192,7 @@ def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rule
     )
 
 
-TURNING = ("presliding", "hysteresis")
-"""What friction keeps in mind as it turns round."""
+TURNING = ("presliding", "hysteresis")  # What friction keeps in mind as it turns round
 
 _UNCERTAIN = "squared standard errors a number"
 _BY_SCATTER = "of the friction, by which runs of one machine may differ"
@@ -289,9 +291,10 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
     """Return the candidate with fewest numbers among those that close as much as the best.
 
     A relative with fewer numbers may close a little less, for the richer one can bend itself to what the model never
-    had; likewise an effect of the catalogue beside a pattern. Of a very large gap nothing is passed over that no
-    relative leaves. Of as many numbers the one on fewer axes is taken (a constant force of one of two slides that
-    stand upright on each other looks like a shared inertia), of bodies that on the last link. What closes the gaps of
+    had; likewise an effect of the catalogue beside a pattern. What no relative leaves of a very large gap is many
+    times what the twin leaves: it is not passed over, nor is what the best does not leave, if that leaves no more than
+    the twin does. Of as many numbers the one on fewer axes is taken (a constant force of one of two slides that stand
+    upright on each other looks like a shared inertia), of bodies that on the last link. What closes the gaps of
     several axes of a change is not replaced by what closes one.
     """
     best = _best_effect(ranked, rules)

@@ -20,8 +20,7 @@ from pinotwin.diagnosis.search.trials import TRIALS, trial
 from pinotwin.effects.effect import Effect, Paired
 
 RIVALS = 5
-NEAR = 0.9
-"""Share of the gain of what was named from which a rival is hardly told apart from it."""
+NEAR = 0.9  # Share of the gain of what was named from which a rival is hardly told apart from it
 
 
 def confidences(

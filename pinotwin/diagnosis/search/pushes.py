@@ -22,8 +22,7 @@ from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import TRIALS, laid
 
-RIVALS = 3
-"""Causes that come with the motion that a push is held against in each trial."""
+RIVALS = 3  # Causes that come with the motion that a push is held against in each trial
 
 
 def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
@@ -45,7 +44,10 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
 
 
 def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) -> Found:
-    """Return a search with the causes that are sure: others, often pushes where motion asks for them, are rivals."""
+    """Return a search with the causes that are sure: the others account for nothing, and are rivals of a push.
+
+    Pushes where the motion asks for them look like a cause with a memory, which trials do not confirm.
+    """
     kept = [s for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
     doubted = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x < rules.named]
     first = found.steps[0].rivals if found.steps else ()

@@ -18,14 +18,12 @@ from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import Effect
 from pinotwin.solve.jackknife import jackknife
 
-Table = Sequence[Mapping[int, Floats]]
-"""Columns of one effect on every sample: joint -> (m, p)."""
+Table = Sequence[Mapping[int, Floats]]  # Columns of one effect on every sample: joint -> (m, p)
 SMOOTH = ((0.05, 24),)
 """Steps by which shapes are polished [of their logarithm or range], and how often a candidate is scored meanwhile."""
 ROUGH = ((0.3, 60), (0.05, 24))
 """The same of effects of :data:`RUGGED` shapes: play that meets its faces a moment earlier is another course."""
-RUGGED = 3
-"""[shapes that are searched] From here the way to the best is no smooth one."""
+RUGGED = 3  # [shapes that are searched] From here the way to the best is no smooth one
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +133,10 @@ class Searcher:
         return 1.0 / max(self.comparison.new.size(axis.index), 1e-300) ** 2
 
     def main_gains(self, one: Scored) -> tuple[Floats, Floats]:
-        """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,)."""
+        """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,).
+
+        A body on a link moves every joint before it: what it closes in all is no share of one joint's gap.
+        """
         if len(one.table[0]) > 1:
             return self.gains_at(one, one.joint)
         alone = self.ground.alone

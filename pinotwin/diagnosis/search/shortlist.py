@@ -19,10 +19,8 @@ from pinotwin.diagnosis.search.scan import Searcher, Table
 from pinotwin.effects import Effect
 from pinotwin.effects.effect import AxisEffect
 
-KEPT = 2
-"""Instances of one name on one axis, of each number of coefficients, that are scored on unseen rows."""
-CLOSE = 24
-"""Instances in all, the best of those, whose columns are computed at the log's own rate."""
+KEPT = 2  # Instances of one name on one axis, of each number of coefficients, that are scored on unseen rows
+CLOSE = 24  # Instances in all, the best of those, whose columns are computed at the log's own rate
 
 
 class Shortlist:

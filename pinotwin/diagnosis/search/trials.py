@@ -14,10 +14,8 @@ from pinotwin.diagnosis.evidence.held_out import SCALED_RIDGE
 from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.solve.jackknife import solved
 
-TRIALS = 10
-"""With each cause that is put in."""
-STRETCH = 1.0
-"""Length of the stretches that are laid in another order [s]."""
+TRIALS = 10  # With each cause that is put in
+STRETCH = 1.0  # Length of the stretches that are laid in another order [s]
 
 
 def trial(c: Comparison, left: Mapping[int, Floats], cause: Scored, rng: np.random.Generator) -> Comparison:

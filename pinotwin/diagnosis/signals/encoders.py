@@ -31,17 +31,13 @@ from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
 from pinotwin.solve.jackknife import jackknife
 
-SLOWEST = 0.02
-"""Of the top speed: below it the direction of lost motion is not known."""
+SLOWEST = 0.02  # Of the top speed: below it the direction of lost motion is not known
 MOST_ROWS = 20_000
-LATEST = 3.0
-"""Samples between two encoders on one clock, at most: what comes later is no delay between them."""
+LATEST = 3.0  # Samples between two encoders on one clock, at most: what comes later is no delay between them
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
-SHARED = 0.5
-"""Of the stroke: what the twin's own logs must have visited for its table to be compared."""
-KNOTS = 13
-"""Places along the stroke at which its error is stated."""
+SHARED = 0.5  # Of the stroke: what the twin's own logs must have visited for its table to be compared
+KNOTS = 13  # Places along the stroke at which its error is stated
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 """Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
 

@@ -45,7 +45,8 @@ def reached(
     """Return the limit that the drive in column ``joint`` reached, None if it did not, or no command tells.
 
     ``usual`` is the RMS of its tracking error in logs that meet no limit, for a drive that is at its limit whenever it
-    moves; ``asked`` gives the effort (n,) that a motion's command asks of it, for a noisy reading that moves at rest.
+    moves; ``asked`` gives the effort (n,) that a motion's command asks of it, for a reading that something slower than
+    its noise moves while it rests.
     """
     if not motions or any(m.vr is None for m in motions):
         return None

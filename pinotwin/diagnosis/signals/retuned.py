@@ -30,17 +30,12 @@ from pinotwin.simulation import preferred
 from pinotwin.solve.jackknife import jackknife, without_each
 from pinotwin.twin import Twin
 
-Runs = Sequence[tuple[Log, Motion]]
-"""Logs with their motions."""
+Runs = Sequence[tuple[Log, Motion]]  # Logs with their motions
 
-BLOCKS = 12
-"""Stretches that an error is cut into."""
-STEPS, FIRST = 4, 0.1
-"""Corrections of a factor, and the change by which its slope is taken first."""
-LARGEST = 3.0
-"""Factor beyond which none is sought."""
-HOPELESS = 0.3
-"""Share that the first slope promises to close below which no step is taken."""
+BLOCKS = 12  # Stretches that an error is cut into
+STEPS, FIRST = 4, 0.1  # Corrections of a factor, and the change by which its slope is taken first
+LARGEST = 3.0  # Factor beyond which none is sought
+HOPELESS = 0.3  # Share that the first slope promises to close below which no step is taken
 
 
 @dataclass(frozen=True, eq=False)

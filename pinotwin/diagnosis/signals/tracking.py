@@ -31,8 +31,7 @@ from pinotwin.twin import Twin
 
 TURNED = {"feedforward": ("ar",), "loop_gain": ("e", "integral", "v", "vr", "slip")}
 """Change of a servo -> the gains of its law that have one factor."""
-LONGEST = 120_000
-"""Samples of the logs in question beyond which the tracking error is not simulated."""
+LONGEST = 120_000  # Samples of the logs in question beyond which the tracking error is not simulated
 
 
 @dataclass(frozen=True)
