@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -185,5 +185,3 @@ def _multisine(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
 
 
 MOTIONS = {"slow": _slow, "speeds": _speeds, "multisine": _multisine}
-
-Commands = Mapping[str, Mapping[str, Floats]]

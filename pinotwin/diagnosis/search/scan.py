@@ -108,10 +108,9 @@ class Searcher:
         return self._scored(one.effect, one.table, replace(found, own=own))
 
     def _fitted(self, effect: Effect, table: Table, span: tuple[Floats, Floats] | None = None) -> Judged:
-        parts = [
-            None if base is None else _products(base, part)
-            for base, part in zip(self._bases(), self._filled(table), strict=True)
-        ]
+        bases = (self.ground.new, self.ground.own, self.ground.unseen)
+        pairs = zip(bases, self._filled(table), strict=True)
+        parts = [None if base is None else _products(base, part) for base, part in pairs]
         assert parts[0] is not None
         return judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect), span)
 
@@ -120,8 +119,8 @@ class Searcher:
             return None
         alone = self.ground.alone
         gain = float((alone.left - found.left).sum() + (alone.unseen - found.unseen).sum())
-        joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / self._floor2(j))
-        names = self.comparison.machine.names
+        names, floor = self.comparison.machine.names, self.comparison.floor
+        joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / floor[j] ** 2)
         order = names.index(effect.axis) if effect.axis in names else 0
         return Scored(effect, table, found, gain, gain / max(self.power(table[0]), 1e-300), joint, order)
 
@@ -191,12 +190,6 @@ class Searcher:
     def alone_by_joint(self) -> tuple[Floats, Floats]:
         """Squared residual of every block and joint without a candidate: new logs, validation logs."""
         return _alone(self.ground)
-
-    def _floor2(self, joint: int) -> float:
-        return self.comparison.floor[joint] ** 2
-
-    def _bases(self) -> tuple[Base, Base | None, Base | None]:
-        return self.ground.new, self.ground.own, self.ground.unseen
 
     def _filled(self, table: Table) -> list[Mapping[int, Floats] | None]:
         rest = list(table)
