@@ -5,8 +5,8 @@
 ``z`` is the mean of six slip elements in parallel (Iwan 1966, Masing), ``dz_i = clip(dq / x_i)`` within [-1, 1], at
 displacements ``x_i`` of mean 2 x_s, spread like a gamma distribution of standard deviation ``spread`` times its mean:
 0.71 makes the first slide from rest follow ``1 - exp(-x / x_s)``, as a rough contact does; a small one lets go at
-once, as rolling contacts and seals do. They remember every reversal. ``y`` is one bristle, ``dy = (1 - y sign(dq)) dq
-/ x_s`` (Dahl 1968), which forgets as it creeps. Contacts lie between the two (Al-Bender 2005,
+once, as rolling contacts and seals do. They remember every reversal. ``y`` is one bristle (Dahl 1968),
+``dy = (1 - y sign(dq)) dq / x_s``, which forgets as it creeps. Contacts lie between the two (Al-Bender 2005,
 10.1109/TAC.2005.858676), and m, zero or the size of c + s at the ends, says where. ``d`` damps the contact before it
 slips. Once the axis slides, c and s keep their meaning. A bristle creeps under the noise of an encoder; a play as wide
 as that noise keeps it still. The effect stands in place of ``coulomb`` and ``stribeck``, and rows at standstill are

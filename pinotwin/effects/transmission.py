@@ -39,8 +39,9 @@ FACES = ((40.0, 0.4), (70.0, 0.4), (120.0, 0.35), (220.0, 0.25))
 def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> Floats:
     """Return the effort that a spring with a damper passes on of a load (n,) that acts if it is stiff.
 
-    With mean inertia M, ``ratio`` = M over that of the posture and twist d, s = M d follows ``s'' + 2 zeta w ratio s'
-    + w^2 ratio s = ratio load`` and passes on ``w^2 s + 2 zeta w s'``; exact for a load linear within a step.
+    With mean inertia M, ``ratio`` = M over that of the posture and twist d, s = M d follows
+    ``s'' + 2 zeta w ratio s' + w^2 ratio s = ratio load``; passed on is ``w^2 s + 2 zeta w s'``. Exact for a load
+    that changes linearly within a step.
     """
     n = len(load)
     out = np.empty(n)

@@ -9,8 +9,8 @@ One internal step h, semi-implicit (symplectic) Euler, which is late by nothing 
                 it holds an axis at rest and puts no energy in, whatever the gains
     4  v += dv,  q += h v
 
-A load that hangs on joint j by a spring (a share s of its inertia, twist x with x'' = a_j - f, f = w^2 x + 2 zeta w
-x') takes s M_ij a_j off step 2 and puts s M_ij f there instead, at every joint i.
+A load that hangs on joint j by a spring (a share s of its inertia, twist x, x'' = a_j - f, f = w^2 x + 2 zeta w x')
+takes s M_ij a_j off step 2 and puts s M_ij f there instead, at every joint i.
 """
 
 from __future__ import annotations

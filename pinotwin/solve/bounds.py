@@ -49,8 +49,8 @@ def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
 def active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     """Return the bounded solution; none of the columns is fixed.
 
-    A column that the data leave open beyond its bound by a rounding would make BVLS divide by zero; Lawson and
-    Hanson's active set, for bounds from below, does not.
+    A column that the data leave open and whose prior is its bound ends a rounding beyond it: scipy's BVLS then divides
+    by zero. Lawson and Hanson's active set, for bounds from below, does not.
     """
     try:
         with np.errstate(divide="raise", invalid="raise"):

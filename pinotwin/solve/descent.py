@@ -1,4 +1,4 @@
-"""The one bounded search of least squares: trust-region reflective (Branch 1999, doi:10.1137/S1064827595289108)."""
+"""The bounded least-squares search: trust-region reflective (Branch, Coleman, Li 1999, 10.1137/S1064827595289108)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """The joint refinement of all shapes by variable projection, || P(x) y ||^2, P(x) = projector off the columns W(x).
 
-Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
-doi:10.1088/0266-5611/19/2/201) takes the curvature from itself alone: where the model leaves much (a ripple's pitch
-beside a flexible frame), steps of `scipy.optimize.least_squares` overshoot to and fro, and the gradient, which is
-exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
+With Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
+doi:10.1088/0266-5611/19/2/201) by `scipy.optimize.least_squares`, whose curvature is wrong by what the residual bends:
+where the model leaves much (a ripple's pitch beside a flexible frame), its steps overshoot to and fro, and the
+gradient, which is exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
 """
 
 from __future__ import annotations

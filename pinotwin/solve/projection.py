@@ -1,8 +1,7 @@
 """Tall columns as small ones: every axis' rows reduced to coordinates that keep all lengths.
 
 A QR factorisation finds the few dozen directions of an axis' fixed columns and effort; columns that move are split
-into their part in it and the R factor of the rest. One evaluation of a variable projection is then a few thin
-products.
+into their part in it and the R factor of the rest. An evaluation of a variable projection is a few thin products.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ class Sample:
 def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
     """Return the rows of a prepared motion, with the model's own effort; DataError where no joint has a usable one.
 
-    ``residual`` is measured effort less the twin's at the log's rate, (n, nv); ``block_time`` the shortest witness [s].
+    ``residual`` is measured effort less the twin's at the log's rate, (n, nv); ``block_time`` [s] makes one witness.
     """
     moving = sum(s.stop - s.start for s in motion.segments)
     count = max(motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1)

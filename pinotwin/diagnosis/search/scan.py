@@ -86,7 +86,7 @@ class Searcher:
         return {j: base.residual[j] - base.columns[j] @ delta for j in base.sample.joints}
 
     def table(self, effect: Effect, *, screen: bool = False) -> Table | None:
-        """Return an effect's columns on every sample (``screen``: thinned); None on no row or if not finite."""
+        """Return an effect's columns on every sample (``screen``: thinned); None on no row or where infinite."""
         samples = self.comparison.samples
         tables = [s.screened(effect) if screen else s.columns(effect) for s in samples]
         if not tables[0] or not all(np.isfinite(x).all() for t in tables for x in t.values()):

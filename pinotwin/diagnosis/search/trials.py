@@ -22,8 +22,7 @@ def trial(c: Comparison, left: Mapping[int, Floats], cause: Scored, rng: np.rand
     """Return the comparison with what the model leaves anyway laid in another order, and the cause put in.
 
     ``left``: joint -> what a machine's model leaves of these logs, floor units; of a twin its own logs are taken. What
-    the twin always lacked of this very cause comes with the motion: it is taken off every change and not laid
-    elsewhere.
+    the twin always lacked of this very cause comes with the motion: it is taken off every change and stays.
     """
     residual: Mapping[int, Floats] = {j: left[j] * c.floor[j] for j in left}
     theta = cause.judged.theta

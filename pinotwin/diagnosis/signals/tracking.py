@@ -1,7 +1,7 @@
 """The tracking error's gap: the log's against that of the twin simulated from the command alone.
 
-After, with the causes that were named and the gains as they are now. The misfit is the same difference on the twin's
-own logs. Without a closed loop, or of a cause that the simulation cannot carry, nothing is said.
+Before: the twin as it is. After: with the causes that were named, and the gains as they are now. The misfit is the
+same difference on the twin's own logs. Without a closed loop, or of a cause that cannot be simulated, nothing is said.
 """
 
 from __future__ import annotations
