@@ -1,14 +1,10 @@
 """Twins of one machine side by side: which parameters moved, and how each predicts the same log.
 
-A parameter that every twin determines is constant under the null hypothesis; the weighted sum of squares
-about its mean is then chi-squared with one degree of freedom fewer than twins (Cochran 1937). Hundreds of
-parameters are asked at once, so the accepted ones hold a false discovery rate (Benjamini & Hochberg 1995,
-10.1111/j.2517-6161.1995.tb02031.x).
-
-Standard errors speak of noise. What a model leaves out moves its parameters too, from one trajectory to the
-next, so they are widened by the ratio of an axis' held-out to its fitted error, the worst of the twins. Knots
-of a table lean on their neighbours and on what else acts there. They are not asked one by one; what a table does
-as a whole is its change of effort along a log.
+The weighted sum of squares of a constant parameter about its mean is chi-squared with one degree of freedom fewer than
+twins (Cochran 1937); the accepted changes hold a false discovery rate (Benjamini & Hochberg 1995,
+10.1111/j.2517-6161.1995.tb02031.x). What a model leaves out moves its parameters from one trajectory to the next, too,
+so standard errors are widened by the worst twin's ratio of held-out to fitted error. Knots of a table lean on their
+neighbours: what it does as a whole is its change of effort along a log.
 """
 
 from __future__ import annotations
@@ -36,8 +32,7 @@ from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 from pinotwin.units import in_log_unit
 
-Z90 = 1.6449
-"""Half width of a 90 % interval in standard errors."""
+Z90 = 1.6449  # Half width of a 90 % interval in standard errors
 
 
 @dataclass(frozen=True)

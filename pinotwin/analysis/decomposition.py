@@ -2,12 +2,9 @@
 
     e = G_eq q_r + sum over causes of G_ed d_cause
 
-The response is simulated from the command alone; the generalised disturbance of each axis is split
-by :mod:`pinotwin.analysis.disturbance`, and each part, and the command, goes through the identified
-transfer functions on its own. They are linear, so the parts add up to the whole exactly.
-
-All is computed at the internal step of the simulation and read at the rows of the log. What the
-tables of the simulation differ from the effects themselves (1e-4 and less) is counted as ``other``.
+The response is simulated from the command alone; each part of every axis' disturbance
+(:mod:`pinotwin.analysis.disturbance`), and the command, goes through the identified transfer functions on its own, so
+that the parts add up exactly. What the tables of the simulation differ from the effects (1e-4 and less) is ``other``.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 r"""The deflection of passive joints that a twin predicts from the motion of the axes (thesis Eq. 5.4).
 
-With the posture nearly that of the undeflected machine, a passive joint is a mode that its own load drives:
+A passive joint is a mode that its own load drives, near the posture of the undeflected machine:
 
     M_pp(q) q_d'' + c q_d' + k q_d = -h_p(q, v, a),        h: the rigid body's effort without q_d
 
-The mean inertia makes the mode, and what the posture adds to it goes with the load. A twin that knows its springs is
-diagnosed with the joints bent so, or as they were measured.
+The mean inertia makes the mode, and what the posture adds to it goes with the load.
 """
 
 from __future__ import annotations

@@ -1,18 +1,11 @@
 """The split of the motor effort into linear terms and the generalised disturbance (thesis Eq. 4.1-4.4).
 
-    u = M_D a + C v + K q + d(q, v, a)                                             (Eq. 4.3)
+    u = M_D a + C v + K q + d(q, v, a)                        (Eq. 4.3; with the measured motion Eq. 4.19)
 
-For any machine, from its effects: C and K are the coefficients of its viscous effects and springs,
-d is everything else, and each part of d has a cause. With the motion that was measured this is
-Eq. 4.19.
-
-M_D is diagonal and constant. Where M_ii depends on the posture the source keeps its constant term,
-which depends on how the equation is written; here M_D is the mean of M_ii(q) over 64 postures (a
-Halton sequence, the same in every run) in the travel of the logs that were identified. Any other
-choice moves effort between M_D a and d, so the closed loops belong to the M_D with which they were
-identified, and a twin keeps it: ``twin.diagonal``.
-
-The rigid body's effort is split by evaluating it with parts of the motion set to zero:
+C and K are the coefficients of viscous effects and springs, d is everything else by cause. M_D is diagonal and
+constant: the mean of M_ii(q) over 64 postures (a Halton sequence) in the travel of the identified logs, where the
+source keeps its constant term, which depends on how the equation is written. Loops belong to the M_D with which they
+were identified: ``twin.diagonal``. The rigid body's effort, with parts of the motion set to zero, is
 
     gravity               g(q),      coriolis_centrifugal  c(q, v)
     inertial_coupling     M(q) a - M_D a: the other axes' accelerations, and M_ii(q) - M_D_ii

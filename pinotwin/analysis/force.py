@@ -1,12 +1,8 @@
 """External effort over time: what a twin cannot account for, with its interval.
 
-    f = twin's effort - measured effort                                 [N or N·m]
-
-is what pushes the axis from outside in the direction of the joint: a process force, contact, a hand. What
-the twin leaves of its own logs without any such force (its cross-validated residual, moving and at rest
-apart) and what its coefficients are unsure by in this motion are the 90 % interval. A pure force F on a
-link follows from f = J(q)^T F, each axis weighed by its interval, in those directions that the axes feel in
-that posture; in the others nothing is said.
+``f = twin's effort - measured effort`` [N or N·m] pushes the axis from outside: a process force, contact, a hand. The
+cross-validated residual of the twin's own logs (moving and at rest apart) and what its coefficients are unsure by make
+the 90 % interval. A pure force F on a link follows from f = J(q)^T F, weighed by it, in directions that the axes feel.
 """
 
 from __future__ import annotations
@@ -159,8 +155,7 @@ def link_force(
 ) -> LinkForce:
     """Return the pure force on a link, at its origin, that explains external efforts, where it is determined.
 
-    A direction of which the axes feel less than the share ``felt``, or ``dull`` times less sharply than the best-felt
-    one, is not stated.
+    Not in directions of which the axes feel less than the share ``felt``, or ``dull`` times less sharply than the best.
     """
     columns = [machine.axis(name).index for name in found.names]
     J = jacobian(machine.model, link, found.q)[:, :3][:, :, columns]

@@ -2,11 +2,9 @@ r"""Modes of a machine at a posture: small free vibrations about it, motors lock
 
     M(q) x'' + C x' + K x = 0,     x = phi exp(s t),  s = wn (-zeta ± i sqrt(1 - zeta²))
 
-M is Pinocchio's joint-space inertia. K and C hold the springs and dampers of the passive joints, the
-slope of gravity dg/dq, and what a servo loop puts on its axis: to first order a stiffness and a
-damping per axis. A locked axis is taken out, a free one has neither. The pairs (s, phi) are the
-eigenvalues and vectors of the first-order form, so damping need not be proportional
-(Tisseur & Meerbergen 2001, doi:10.1137/S0036144500381988).
+K and C hold springs and dampers of the passive joints, the slope of gravity dg/dq, and a stiffness and a damping per
+servo axis. A locked axis is taken out, a free one has neither. Damping need not be proportional: (s, phi) are those of
+the first-order form (Tisseur & Meerbergen 2001, doi:10.1137/S0036144500381988).
 """
 
 from __future__ import annotations
@@ -87,20 +85,11 @@ def modes(
 def servo_modes(
     twin: Twin, posture: Mapping[str, float] | None = None, *, rounds: int = 20, critical: float = 0.5
 ) -> Modes:
-    """Return the modes of a twin at a posture with its servo loops closed.
+    """Return the modes of a twin at a posture (axis -> [m or rad]) with its servo loops closed; TwinError without any.
 
-    A loop answers a displacement of its axis with u = C(s) e, and its transfer functions give
-    C = (u/d) / (e/d), whatever the controller. At a mode's s that is a stiffness and a damping,
-    C(s) = k + c s with both real; s and the servo are found in turn until they agree, mode by mode.
-
-    Args:
-        twin: with closed loops.
-        posture: axis -> position [m or rad]; others at zero.
-        rounds: in which s and the servo agree.
-        critical: modes damped more are the servo's own: a stiffness and a damping say little about them.
-
-    Raises:
-        TwinError: the twin has no closed loop.
+    A loop answers its axis with u = C(s) e, C = (u/d) / (e/d), at a mode's s a stiffness and a damping, C(s) = k + c s
+    with both real; s and servo are found in ``rounds``, mode by mode. Modes damped more than ``critical`` are the
+    servo's own: a stiffness and a damping say little about them.
     """
     if not twin.loops:
         raise TwinError(f"{twin.machine.name}: the twin has no closed loop to close the servo with")

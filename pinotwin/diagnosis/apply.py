@@ -14,8 +14,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.from_model import with_bodies
 from pinotwin.twin import Twin
 
-SAME = 0.03
-"""Share by which two pitches may differ and be one ripple whose size has changed."""
+SAME = 0.03  # Share by which two pitches may differ and be one ripple whose size has changed
 
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:
@@ -24,12 +23,9 @@ def apply(diagnosis: Diagnosis, folder: Path) -> Path:
 
 
 def repaired(diagnosis: Diagnosis) -> Machine:
-    """Return the machine with the named causes added.
+    """Return the machine with the named causes added; DataError where the diagnosis does not know its machine.
 
     A payload goes into the inertia of its link: of a twin, beside the inertias that were identified.
-
-    Raises:
-        DataError: the diagnosis does not know its machine.
     """
     machine = extended(diagnosis)
     bodies = [e for e in diagnosis.effects if e.effect == "payload" and e.axis in machine.axes]
@@ -43,11 +39,7 @@ def repaired(diagnosis: Diagnosis) -> Machine:
 
 
 def extended(diagnosis: Diagnosis) -> Machine:
-    """Return the machine with the named effects, as far as its files can say them.
-
-    Raises:
-        DataError: the diagnosis does not know its machine.
-    """
+    """Return the machine with the named effects, as far as its files can say them; DataError without a machine."""
     subject = diagnosis.subject
     machine = subject.machine if isinstance(subject, Twin) else subject
     if not isinstance(machine, Machine):

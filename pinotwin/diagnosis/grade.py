@@ -1,10 +1,8 @@
 """One word for an axis and signal, from its numbers alone: the same in tile, plot, text and JSON.
 
-    level = hypot(noise, misfit):   what is left even when nothing has changed
-
-A residual is asked three questions in turn: is it larger than the noise; is it larger than what the model left on
-its own logs; and what of it is left once the named causes are modelled. An explained share is one of squared
-sizes above the level, for that is what a cause takes away. The thresholds are the verdict's own.
+Is the residual larger than the noise; than what the model left on its own logs; and what of it is left once the named
+causes are modelled? An explained share is of squared sizes above the level, hypot(noise, misfit). The thresholds are
+the verdict's own.
 """
 
 from __future__ import annotations
@@ -55,15 +53,12 @@ def grade(
     size: float | None = None,
     signal: str = "u",
 ) -> Grade:
-    """Return the grade of one axis and signal.
+    """Return the grade of one axis and signal, from residuals [unit of the signal].
 
-    Args:
-        rms: residual, log minus model [unit of the signal].
-        misfit: what the model left on its own logs, cross-validated [same]; None or NaN when not known.
-        noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
-        after: residual with the named causes modelled [same]; None where no cause is named for it.
-        size: RMS of the signal itself [same]; a machine without a twin is held against it.
-        signal: of any but the effort ``u`` a residual is open from further on.
+    ``rms`` is log minus model, ``misfit`` what the model left on its own logs, ``noise`` the scatter of repeats or
+    what is assumed, ``after`` the residual with the named causes modelled, ``size`` the RMS of the signal itself,
+    against which a machine without a twin is held; None, NaN or 0 where not known. Any but the effort ``u`` is open
+    from further on.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
@@ -103,10 +98,7 @@ def is_open(
 
 
 def stays(left: float, noise: float | None, misfit: float | None, size: float | None) -> float:
-    """Return what stays of a residual: in levels that are left anyway where a validation error is known, else a share.
-
-    The share is of the signal's size, without the noise; 0 where that is not known.
-    """
+    """Return what stays of a residual: levels where a validation error is known, else a share of the size, or 0."""
     level = left_anyway(noise, misfit)
     if _known(misfit):
         return left / max(level, 1e-300)

@@ -13,18 +13,14 @@ from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, wit
 from pinotwin.dynamics.pseudoinertia import pseudo_inertia
 from pinotwin.twin import Twin
 
-LEAST = 1e-3
-"""Mass that stays on a link from which more was taken off than the model has there [kg]."""
+LEAST = 1e-3  # Mass that stays on a link from which more was taken off than the model has there [kg]
 
 
 def physical(pi: Floats) -> Floats:
-    """Return the ten parameters of the nearest body that can exist, with the same mass and centre of mass.
+    """Return the ten parameters (m, m c, I about the joint; negative of a body taken off) of the nearest possible body.
 
-    About its centre of mass a body's second moments have no negative eigenvalue (Wensing et al. 2018,
-    doi:10.1109/LRA.2017.2729659); mass and centre, which a motion tells best, are kept.
-
-    Args:
-        pi: [m, m c, I] about the joint, shape (10,); of a body that was taken off, all with the other sign.
+    Mass and centre, which a motion tells best, are kept; about that its second moments have no negative eigenvalue
+    (Wensing et al. 2018, doi:10.1109/LRA.2017.2729659). Both have shape (10,).
     """
     sign = -1.0 if pi[0] < 0.0 else 1.0
     body = sign * np.asarray(pi, dtype=float)

@@ -48,8 +48,7 @@ from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_subject
 
 Tell = Callable[[str, float], None]
-MOST_TIMES = 12
-"""Pushes on one axis whose times are listed."""
+MOST_TIMES = 12  # Pushes on one axis whose times are listed
 
 
 @with_given

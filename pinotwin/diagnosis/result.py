@@ -23,25 +23,17 @@ Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
 @dataclass(frozen=True)
 class Gap:
-    """The residual of one signal of one axis.
+    """The residual of one signal of one axis."""
 
-    Attributes:
-        rms: RMS of log minus model, on data not used to fit [N or N·m].
-        nrmse: the same over the RMS of the signal.
-        noise: RMS of the noise.
-        after: RMS once the named effects are modelled.
-        misfit: RMS that the twin left of its own logs, cross-validated, as `identify` states it; NaN for none.
-        size: by how much the signal varies, against which the residual of a machine is judged; its RMS where NaN.
-        unsure: what the twin's effort is less sure of in this motion than in its own logs.
-    """
-
-    rms: float
-    nrmse: float
-    noise: float
-    after: float
+    rms: float  # RMS of log minus model, on data not used to fit [N or N·m]
+    nrmse: float  # the same over the RMS of the signal
+    noise: float  # RMS of the noise
+    after: float  # RMS once the named effects are modelled
+    # RMS that the twin left of its own logs, cross-validated, as `identify` states it; NaN for none
     misfit: float = float("nan")
+    # by how much the signal varies, against which the residual of a machine is judged; its RMS where NaN
     size: float = float("nan")
-    unsure: float = 0.0
+    unsure: float = 0.0  # what the twin's effort is less sure of in this motion than in its own logs
 
     @property
     def expected(self) -> float:
@@ -51,55 +43,35 @@ class Gap:
 
 @dataclass(frozen=True)
 class Region:
-    """Where a residual lies: a range that holds more of its power than of the time.
-
-    Attributes:
-        axis: axis.
-        signal: ``u`` or ``e``.
-        kind: time, position, velocity, acceleration, frequency, load or other_axis.
-        range: lowest and highest value [unit].
-        unit: SI unit.
-        share: of the squared residual.
-        time_share: of the time.
-        p_value: chance to see such a concentration anywhere in a residual without structure; None where that
-            was not tested (frequency bands).
-        other: the other axis, for ``other_axis``.
-    """
+    """Where a residual lies: a range that holds more of its power than of the time."""
 
     axis: str
-    signal: str
-    kind: str
-    range: tuple[float, float]
-    unit: str
-    share: float
-    time_share: float
+    signal: str  # ``u`` or ``e``
+    kind: str  # time, position, velocity, acceleration, frequency, load or other_axis
+    range: tuple[float, float]  # lowest and highest value [unit]
+    unit: str  # SI unit
+    share: float  # of the squared residual
+    time_share: float  # of the time
+    # chance to see such a concentration anywhere in a residual without structure; None where that was not tested
+    # (frequency bands)
     p_value: float | None
-    other: str | None = None
+    other: str | None = None  # the other axis, for ``other_axis``
 
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the residual of a signal of an axis falls: after = before sqrt(1 - share).
+    """How far the residual of a signal of an axis falls: after = before sqrt(1 - share)."""
 
-    Attributes:
-        before: the residual, :attr:`Gap.rms` [unit of the signal].
-        after: what is left of it.
-        share: of the squared residual that goes, measured on the rows that ``on`` names.
-        interval: 90 % interval of that share, which it holds.
-        promised: the share that the fit itself promised.
-        on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds).
-        promised_interval: within which another log's share is promised to lie (90 %): the range of the
-            shares of single blocks that were not fitted. None where there are too few.
-        axis: whose residual it is: of a body on a link the axis that it moves most. None for the effect's own.
-    """
-
-    before: float
-    after: float
-    share: float
-    interval: tuple[float, float]
-    promised: float
-    on: str
+    before: float  # the residual, :attr:`Gap.rms` [unit of the signal]
+    after: float  # what is left of it
+    share: float  # of the squared residual that goes, measured on the rows that ``on`` names
+    interval: tuple[float, float]  # 90 % interval of that share, which it holds
+    promised: float  # the share that the fit itself promised
+    on: str  # ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds)
+    # within which another log's share is promised to lie (90 %): the range of the shares of single blocks that
+    # were not fitted. None where there are too few
     promised_interval: tuple[float, float] | None = None
+    # whose residual it is: of a body on a link the axis that it moves most. None for the effect's own
     axis: str | None = None
 
 
@@ -114,74 +86,46 @@ def shrunk(
 
 @dataclass(frozen=True)
 class Size:
-    """The size of a cause in the machine's own numbers.
+    """The size of a cause in the machine's own numbers."""
 
-    Attributes:
-        name: of the number, e.g. ``viscous.b``.
-        before: what the model held; 0 for what it did not have (inf for a limit), NaN where it is no number of
-            the model.
-        after: what these logs ask for.
-        unit: of both.
-        interval: 90 % interval of ``after``.
-    """
-
-    name: str
+    name: str  # of the number, e.g. ``viscous.b``
+    # what the model held; 0 for what it did not have (inf for a limit), NaN where it is no number of the model
     before: float
-    after: float
-    unit: str
-    interval: tuple[float, float]
+    after: float  # what these logs ask for
+    unit: str  # of both
+    interval: tuple[float, float]  # 90 % interval of ``after``
 
 
 @dataclass(frozen=True)
 class Found:
-    """One named effect.
+    """One named effect."""
 
-    Attributes:
-        effect: name in the table of effects.
-        axis: axis, or None for the machine.
-        confidence: probability that this is the effect.
-        shape: shape values, SI.
-        theta: coefficients, SI.
-        shrink: per signal, the effect alone.
-        acts: axis -> how far its effort's residual falls by the effect alone, of every axis that the effect acts on.
-        alternatives: other effects with probability and reason.
-        moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
-        gain: squared residual closed on rows that were not fitted, over that of a good model.
-        size: what changed from what to what.
-        listed: the effect at the shapes that were found, for :meth:`Diagnosis.apply`.
-    """
-
-    effect: str
-    axis: str | None
-    confidence: float
-    shape: Mapping[str, float]
-    theta: Mapping[str, float]
-    shrink: Mapping[str, Shrink]
-    alternatives: Sequence[Mapping[str, Any]]
+    effect: str  # name in the table of effects
+    axis: str | None  # axis, or None for the machine
+    confidence: float  # probability that this is the effect
+    shape: Mapping[str, float]  # shape values, SI
+    theta: Mapping[str, float]  # coefficients, SI
+    shrink: Mapping[str, Shrink]  # per signal, the effect alone
+    alternatives: Sequence[Mapping[str, Any]]  # other effects with probability and reason
+    # base parameters that move when it is admitted: name -> (before, after, in sigmas)
     moves: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    gain: float = 0.0
-    size: Sequence[Size] = ()
+    gain: float = 0.0  # squared residual closed on rows that were not fitted, over that of a good model
+    size: Sequence[Size] = ()  # what changed from what to what
+    # the effect at the shapes that were found, for :meth:`Diagnosis.apply`
     listed: Effect | None = field(default=None, repr=False)
+    # axis -> how far its effort's residual falls by the effect alone, of every axis that the effect acts on
     acts: Mapping[str, Shrink] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Traces:
-    """Plain arrays for plots, of one axis in one log.
-
-    Attributes:
-        axis: axis.
-        log: index of the log.
-        t: time [s], shape (m,).
-        before: log minus model [N or N·m].
-        after: with the named effects.
-    """
+    """Plain arrays for plots, of one axis in one log."""
 
     axis: str
-    log: int
-    t: Floats
-    before: Floats
-    after: Floats
+    log: int  # index of the log
+    t: Floats  # time [s], shape (m,)
+    before: Floats  # log minus model [N or N·m]
+    after: Floats  # with the named effects
 
 
 @dataclass(frozen=True, repr=False)

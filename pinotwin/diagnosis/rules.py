@@ -1,8 +1,7 @@
 """Every threshold of a decision, in one place: what it means, its unit, its value.
 
-Those in :data:`DERIVED` are limits of false alarms that ``python -m benchmarks calibrate`` derives from
-healthy machines of several kinds and writes here. The others were set on healthy and faulty logs of simulated
-and real machines.
+Those in :data:`DERIVED` are limits of false alarms that ``python -m benchmarks calibrate`` derives from healthy
+machines and writes here; the others were set on healthy and faulty logs of simulated and real machines.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """What one axis does to another: shared inertia, and the motor of a wrist that turns with two joints.
 
-When one motor's position is the sum of two joints' positions (``J6: {J6: 32, J5: 32}`` in ``transmission``), its
-inertia and friction act on both joints (Gautier 1996; Janot 2014):
-
-    joint i gets   Ia_m a_j + b_m v_j + c_m sign(v_i + v_j),   joint j the same with i and j exchanged.
+Of a motor whose position is the sum of two joints' (``J6: {J6: 32, J5: 32}`` in ``transmission``), inertia and
+friction act on both joints (Gautier 1996; Janot 2014).
 """
 
 from __future__ import annotations

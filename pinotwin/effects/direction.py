@@ -1,9 +1,8 @@
 """The sign of the velocity with memory: what dry friction follows near standstill (thesis Eq. 3.9).
 
-The plain ``sign(v)`` chatters when a measured velocity crosses zero with noise. Here the direction
-``d`` is bounded to [-1, 1], changes with slope ``1/width`` while the axis speeds up, and holds while it
-slows down or stands: an axis that stops for a moment and goes on the same way never releases its
-friction. (Eq. 3.9 read to the letter would release it at the sample where v is exactly zero.)
+``sign(v)`` chatters at a zero crossing with noise. The direction ``d`` in [-1, 1] changes with slope ``1/width`` while
+the axis speeds up, and holds while it slows down or stands: it goes on the same way without releasing its friction.
+(Eq. 3.9 read to the letter would release it at the sample where v is exactly zero.)
 """
 
 from __future__ import annotations

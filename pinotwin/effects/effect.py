@@ -2,18 +2,13 @@
 
     effort = sum over effects of columns(motion; shape) @ theta            [N or N·m]
 
-``theta`` are the linear coefficients that least squares finds; ``shape`` the few numbers inside a
-column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect never stores what was
-found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
+``theta`` are the linear coefficients that least squares finds; ``shape`` the few numbers inside a column (a Stribeck
+speed, a ripple pitch) that a bounded search finds: each of the ``candidates`` keeps its shapes, which ``shapes()``
+bounds and ``shape_values()`` starts a polish at; ``found.settled()`` is what machine.yaml is to list. Effects are
+frozen dataclasses whose fields are what the YAML may set; none stores what was found. Those whose column is made of
+the model's own effort (``needs``) want a motion that holds it: ``with_model_effort`` of :mod:`pinotwin.effects.scene`.
 
-Identification, simulation, diagnosis, report and documentation read everything they need from here. Effects
-whose column is made of the model's own effort (``needs``) want a motion that holds it: see ``with_model_effort`` of
-:mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
-each keeps its shapes: ``candidate.shapes()`` bounds a further polish, ``candidate.shape_values()`` is where it
-starts, and ``found.settled()`` is what machine.yaml is to list.
-
-A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.known`, which says
-how a user's own is named as well.
+A new effect is one small final class, see :mod:`pinotwin.effects.known`.
 """
 
 from __future__ import annotations
@@ -117,8 +112,7 @@ class Effect(abc.ABC):
         contains: simpler effects that are special cases of this one on the same axis.
         imitates: effects that look much like it in an ordinary log.
         inseparable: effects that no motion of the axis can tell from it by the axis' own signals.
-        unlisted: why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it
-            can.
+        unlisted: why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it can.
         several: whether an axis may list it more than once (ripples of several pitches).
         needs: channels of the motion that :func:`pinotwin.effects.with_model` must have filled.
         searched: how many numbers a search over its candidates chooses: the price of finding it.
@@ -126,15 +120,13 @@ class Effect(abc.ABC):
             without it.
         sharp: whether its effort changes faster than the motion does: its columns then go through the low-pass
             that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`.
-        uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its
-            axis.
+        uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its axis.
         refined_in_loop: whether the closed loop may refine its coefficients, if it is friction or an effort of
             position.
         fades: whether its effort vanishes at speed, as Stribeck's does.
         held: whether its coefficients are held weakly within the size of the effort: knots that a log hardly
             passes would run away.
-        local: whether each of its coefficients is told at one place of the travel alone, as a table's knots
-            are.
+        local: whether each of its coefficients is told at one place of the travel alone, as a table's knots are.
         causes: what its effort counts as in the generalised disturbance: one word for all coefficients, or one
             for each. ``stiffness`` and ``viscous`` say that the column is the axis' own q or v.
         depends: what its columns are a function of, so that a simulation can tabulate them: ``position``,

@@ -21,8 +21,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import since_start
 
-FADES = np.geomspace(0.006, 0.3, 6)
-"""Speeds at which friction may have faded, as shares of the top speed."""
+FADES = np.geomspace(0.006, 0.3, 6)  # Speeds at which friction may have faded, as shares of the top speed
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,7 @@ class Friction(OneAxis):
 
 @dataclass(frozen=True)
 class Turning(Friction):
-    """Friction that turns round with the motion over a width of speeds.
-
-    Attributes:
-        width: velocity over which the direction turns [m/s or rad/s]; 0 is the plain sign.
-    """
+    """Friction that turns round over ``width``, a velocity [m/s or rad/s]; 0 is the plain sign."""
 
     sharp = True
     width: float | None = field(default=None, kw_only=True)
@@ -160,11 +155,7 @@ class Stribeck(Turning, AxisEffect):
     exponent: float = 1.0
 
     def shapes(self) -> tuple[Shape, ...]:
-        """Return v_s.
-
-        Below twice the width over which the direction turns, s and v_s cannot be distinguished: s would grow
-        without limit, and hold the simulated axis with a force that no row has shown.
-        """
+        """Return v_s, from twice the width over which the direction turns: below it s would grow without limit."""
         least, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
         low = max(least, self.turned(self.rotary))
         return (Shape("v_s", self.unit("x/s"), low, high),)

@@ -3,10 +3,8 @@
     tau = k z,      dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h         (Bouc 1967; Wen 1976,
                                                                             10.1061/JMCEA3.0002106)
 
-z, from -1 to 1, is the share of the drag that has built up over the distance x_h since the last
-reversal. It runs in displacement, not in time: at rest it holds. Unlike presliding (micrometres) the
-distance is millimetres or degrees, so that a stroke may end before the drag has turned round, and what
-it is depends on strokes made long before.
+z, from -1 to 1, is the share of the drag that has built up over the distance x_h since the last reversal, in
+displacement: at rest it holds. Unlike presliding (micrometres) the distance is millimetres or degrees.
 """
 
 from __future__ import annotations
@@ -22,12 +20,9 @@ from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.system.kernels import compiled
 
-LONG = np.geomspace(0.005, 0.5, 8)
-"""Distances of build-up that are tried, as shares of the travel."""
-SHARP = (0.5, 1.0, 2.0)
-"""Exponents that are tried."""
-BUILT_UP = 1e-10
-"""[per distance] What z still gains when it counts as built up."""
+LONG = np.geomspace(0.005, 0.5, 8)  # Distances of build-up that are tried, as shares of the travel
+SHARP = (0.5, 1.0, 2.0)  # Exponents that are tried
+BUILT_UP = 1e-10  # [per distance] What z still gains when it counts as built up
 
 
 @compiled

@@ -1,8 +1,7 @@
-"""Which effects there are: the built-in ones, and those of users.
+"""Which effects there are: the built-in ones, and those of users, which :func:`known` looks up.
 
-An own effect is a class like the built-in ones, in any module. It is named as an object or a class in Python, as
-``module:Class`` in machine.yaml, by an entry point of the group ``pinotwin.effects`` of an installed package, or by
-``--effects file.py`` on the command line. No table has to be changed: :func:`known` is what every lookup asks.
+An own effect is named as an object or a class in Python, as ``module:Class`` in machine.yaml, by an entry point of the
+group ``pinotwin.effects``, or by ``--effects file.py`` on the command line.
 """
 
 from __future__ import annotations
@@ -67,8 +66,7 @@ EFFECTS: dict[str, type[Effect]] = {
 LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
 """Names that an axis may list in machine.yaml."""
 
-EffectLike = Effect | type[Effect] | str
-"""An effect, its class, ``module:Class``, or the name of a known one."""
+EffectLike = Effect | type[Effect] | str  # An effect, its class, ``module:Class``, or the name of a known one
 
 _BROKEN: tuple[type[Exception], ...] = (ArithmeticError, AttributeError, ImportError, LookupError, NameError)
 _BROKEN += (OSError, SyntaxError, TypeError, ValueError)  # what a file with a mistake raises

@@ -20,10 +20,8 @@ from pinotwin.effects.tree import Tree
 from pinotwin.errors import MachineError
 from pinotwin.motion import AxisMotion, Motion
 
-TILT = 0.01
-"""Tilt over which the change of effort is taken [rad]."""
-WIDTHS = (0.05, 0.1, 0.2, 0.4, 1.0, 2.0, 4.0)
-"""Lengths of a push that are tried [s]."""
+TILT = 0.01  # Tilt over which the change of effort is taken [rad]
+WIDTHS = (0.05, 0.1, 0.2, 0.4, 1.0, 2.0, 4.0)  # Lengths of a push that are tried [s]
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,14 @@
 
     tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'
 
-``z`` is the mean of six slip elements in parallel (Iwan 1966, Masing), ``dz_i = clip(dq / x_i)`` within
-[-1, 1], which slip one after the other at displacements ``x_i`` of mean 2 x_s. They are spread like a gamma
-distribution whose standard deviation is ``spread`` times its mean: 0.71 makes the first slide from rest follow
-``1 - exp(-x / x_s)``, as a rough contact of many sizes does; a small one a spring that lets go at once, as rolling
-contacts and seals do. They remember every reversal: small loops close. ``y`` is one bristle,
-``dy = (1 - y sign(dq)) dq / x_s`` (Dahl 1968), with the same first slide, which forgets as it creeps.
-Contacts lie between the two (Al-Bender 2005, 10.1109/TAC.2005.858676), and m, zero or the size of c + s
-at the ends, says where. ``d`` is the damping of the contact before it slips. Both terms vanish once the
-axis slides, so c and s keep their meaning: friction at speed, and what it rises to near standstill.
-
-A bristle creeps under the noise of an encoder; a play as wide as that noise, found in the log, keeps it
-still. On an axis the effect stands in place of ``coulomb`` and ``stribeck``, and rows at standstill are
+``z`` is the mean of six slip elements in parallel (Iwan 1966, Masing), ``dz_i = clip(dq / x_i)`` within [-1, 1], at
+displacements ``x_i`` of mean 2 x_s, spread like a gamma distribution of standard deviation ``spread`` times its mean:
+0.71 makes the first slide from rest follow ``1 - exp(-x / x_s)``, as a rough contact does; a small one lets go at
+once, as rolling contacts and seals do. They remember every reversal. ``y`` is one bristle (Dahl 1968),
+``dy = (1 - y sign(dq)) dq / x_s``, which forgets as it creeps. Contacts lie between the two (Al-Bender 2005,
+10.1109/TAC.2005.858676), and m, zero or the size of c + s at the ends, says where. ``d`` damps the contact before it
+slips. Once the axis slides, c and s keep their meaning. A bristle creeps under the noise of an encoder; a play as wide
+as that noise keeps it still. The effect stands in place of ``coulomb`` and ``stribeck``, and rows at standstill are
 then used to identify it.
 """
 
@@ -81,10 +77,9 @@ def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past
 def contact(
     motion: AxisMotion, x_s: float, play: float = 0.0, spread: float = EXPONENTIAL, past: float = 20.0
 ) -> Floats:
-    """Return bend z of the elements, y of the bristle (from -1 to 1) and y' [1/s], shape (n, 3).
+    """Return bend z of the elements, y of the bristle (from -1 to 1) and y' [1/s], shape (n, 3), of every stretch.
 
-    A stretch that starts in motion starts bent by ``past`` samples of it; one that starts at rest
-    starts unbent, for friction at standstill depends on a past that the log does not hold.
+    One that starts in motion starts bent by ``past`` samples of it; one at rest unbent: the log does not hold its past.
     """
     out = np.zeros((len(motion.q), 3))
     for s in motion.segments:

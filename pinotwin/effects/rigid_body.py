@@ -28,12 +28,7 @@ CHECKED, SAME = 32, 1e-11
 
 @dataclass(frozen=True, eq=False)
 class RigidBody(Effect):
-    """Inertia, coupling, Coriolis, centrifugal and gravity efforts of the tree: tau = W_b(q, v, a) beta.
-
-    Attributes:
-        model: the tree.
-        base: its base parameters.
-    """
+    """Inertia, coupling, Coriolis, centrifugal and gravity efforts of the tree: tau = W_b(q, v, a) beta."""
 
     name = "rigid_body"
     family = BODY
@@ -65,11 +60,9 @@ class RigidBody(Effect):
         return Columns(tuple(range(self.model.nv)), values)
 
     def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats, block: int = 20_000) -> Floats:
-        """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m].
+        """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m], with ``block`` rows of a regressor held at once.
 
-        Newton-Euler of a tree with these base parameters costs a fifth of the regressor. Bodies of hardly any mass,
-        whose centre is then far away, lose digits in it: some rows say whether it will do. ``block`` rows of
-        a regressor are held at once.
+        Newton-Euler costs a fifth of the regressor, but loses digits of nearly massless bodies: some rows are tried.
         """
         fast = inverse(self.model_with(beta), q, v, a)
         few = np.linspace(0, max(len(q) - 1, 0), min(len(q), CHECKED)).astype(int)

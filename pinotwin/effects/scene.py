@@ -1,10 +1,7 @@
 """The effort of a whole model along a motion: what effects that scale with effort are made of.
 
-    model = sum of all effects that act on the effort,     rigid = that of the tree alone,     mass = M(q)
-
-Effects that take it (``Effect.needs``) are added to it in a few passes, so that ``model`` holds their own
-effort as well. A wrong or late effort channel and effects of the loop are left out: they do not change
-what it takes to move the machine.
+``model`` is the sum of all effects on the effort, ``rigid`` that of the tree alone, ``mass`` M(q). Effects that take
+it (``Effect.needs``) are added in a few passes. A wrong or late effort channel and effects of the loop are left out.
 """
 
 from __future__ import annotations
@@ -85,10 +82,9 @@ def inertia(effect: Effect, motion: Motion, joint: int, lightest: float = 0.05) 
 def shaken(
     effect: Effect, motion: Motion, joint: int, own: Floats, load: float = 1.0, coupled: float = 1e-3
 ) -> Columns:
-    """Return columns ``own`` (n, p) of a joint with what they do to the others, M_ij (a_load - a_measured).
+    """Return columns ``own`` (n, p) of a joint and what they do to others, M_ij (a_load - a_measured).
 
-    The share ``load`` of its inertia moves otherwise than the encoder says. A coupling below ``coupled`` of the
-    geometric mean of two inertias moves nothing.
+    The share ``load`` of its inertia moves otherwise than the encoder says; couplings below ``coupled`` move nothing.
     """
     mass, mine = effect.channel(motion, "mass"), inertia(effect, motion, joint)
 

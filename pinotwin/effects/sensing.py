@@ -1,7 +1,6 @@
-"""Errors of sensors: late or wrongly scaled effort, periodic error of an encoder.
+"""Errors of sensors: late or wrongly scaled effort, periodic error of an encoder; they change what is logged.
 
-They change what is logged, not what the machine does. The effort in their columns is the model's, never
-the measured one: measured effort holds the very thing that is to be explained.
+The effort in their columns is the model's: measured effort holds the very thing that is to be explained.
 """
 
 from __future__ import annotations
@@ -22,12 +21,9 @@ SPANS = (3e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2, -3e-4, -1e-3, -3e-3, -1e-2, -2e-2)
 """Delays (leads where negative) that are tried [s]."""
 FIRST_ORDER = 1.5e-3
 """Span up to which a delay is its first order: the change of the effort times the delay [s]."""
-WHOLE = 0.75
-"""Share of a longer span that a delay must come to: play, which looks like one, reaches less."""
-TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)
-"""Errors a turn that are tried."""
-WAVES = np.geomspace(2.0, 40.0, 31)
-"""Errors a travel that are tried on a linear axis."""
+WHOLE = 0.75  # Share of a longer span that a delay must come to: play, which looks like one, reaches less
+TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)  # Errors a turn that are tried
+WAVES = np.geomspace(2.0, 40.0, 31)  # Errors a travel that are tried on a linear axis
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
-"""The controller: what it adds to the effort or does not deliver. The plant stays what it is.
+"""The controller: what it adds to the effort or does not deliver, answered by a tracking error, e = G_ed d.
 
-A closed loop answers these efforts with a tracking error, e = G_ed d. In the effort balance of an open
-loop they do not appear: the logged effort is what the motor gave.
+In the effort balance of an open loop it does not appear: the logged effort is what the motor gave.
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 
 CONTROLLER = "belongs to the controller, which identify finds from the logged command"
-AT_LIMIT = 2e-3
-"""Share of rows that a drive must spend at its limit, and how near to it they are."""
+AT_LIMIT = 2e-3  # Share of rows that a drive must spend at its limit, and how near to it they are
 
 
 def _rates(effect: OneAxis, motion: Motion) -> Floats:

@@ -1,12 +1,11 @@
 """Drive trains that are not stiff: the encoder sits on the motor and the load moves otherwise.
 
-What the load does is a state that no channel of the log holds, so each column compares the effort of a
-load behind a spring or a gap with that of a stiff drive, along the measured path of the motor:
+No channel of the log holds what the load does, so each column compares the effort of a load behind a spring or a gap
+with that of a stiff drive, along the measured path of the motor:
 
     tau = share (carried(load; shape) - load)                                      [N or N·m]
 
-The difference moves the load, and through the inertia matrix pushes the other axes as well:
-``tau_i = M_ij / M_jj`` times it.
+Through the inertia matrix it pushes the other axes as well, ``tau_i = M_ij / M_jj`` times it.
 """
 
 from __future__ import annotations
@@ -26,12 +25,9 @@ from pinotwin.system.kernels import compiled
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
 changes with the posture."""
-LOWEST_MODE = 8.0
-"""Lowest frequency of a mode that is tried [Hz]."""
-DAMPING = (0.03, 0.08, 0.2)
-"""Damping ratios that are tried."""
-GAPS = np.geomspace(0.1, 13.0, 13)
-"""Gaps from which identification starts, times 10 um or 0.1 mrad."""
+LOWEST_MODE = 8.0  # Lowest frequency of a mode that is tried [Hz]
+DAMPING = (0.03, 0.08, 0.2)  # Damping ratios that are tried
+GAPS = np.geomspace(0.1, 13.0, 13)  # Gaps from which identification starts, times 10 um or 0.1 mrad
 FINE_GAPS = np.geomspace(0.1, 50.0, 36)
 """Gaps that a search tries, times 10 um or 0.1 mrad: a play off by a fifth meets its faces at other times, and
 closes next to nothing."""
@@ -43,9 +39,9 @@ FACES = ((40.0, 0.4), (70.0, 0.4), (120.0, 0.35), (220.0, 0.25))
 def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> Floats:
     """Return the effort that a spring with a damper passes on of a load (n,) that acts if it is stiff.
 
-    With the mean inertia M, and ``ratio`` = M over that of the posture, the twist d of the spring follows
-    ``s'' + 2 zeta w ratio s' + w^2 ratio s = ratio load``, s = M d; it passes on ``w^2 s + 2 zeta w s'``.
-    Exact for a load that changes linearly, and an inertia that does not change, within a step.
+    With mean inertia M, ``ratio`` = M over that of the posture and twist d, s = M d follows
+    ``s'' + 2 zeta w ratio s' + w^2 ratio s = ratio load``; passed on is ``w^2 s + 2 zeta w s'``. Exact for a load
+    that changes linearly within a step.
     """
     n = len(load)
     out = np.empty(n)

@@ -10,8 +10,7 @@ import pinocchio as pin
 
 from pinotwin.errors import MachineError, require
 
-TURN = 2.0 * np.pi
-"""A whole turn [rad]."""
+TURN = 2.0 * np.pi  # A whole turn [rad]
 
 
 class HasTree(Protocol):

@@ -1,8 +1,7 @@
 """From a motion and its effects to the rows and columns that the solver takes.
 
-Every joint with a measured effort gives one row a sample. Columns and effort go through the same
-zero-phase decimation (the *parallel filter* of Gautier 1997), stretch by stretch, so that the linear
-model holds exactly in the filtered rows.
+Columns and effort of a joint go through the same zero-phase decimation (the *parallel filter* of Gautier 1997),
+stretch by stretch, so that the linear model holds exactly in the filtered rows.
 """
 
 from __future__ import annotations
@@ -44,11 +43,7 @@ class Rows:
 
 
 def choose_rows(motion: Motion) -> Rows:
-    """Return the rows of a motion that identification uses.
-
-    Raises:
-        DataError: no joint has a usable effort.
-    """
+    """Return the rows of a motion that identification uses; DataError where no joint has a usable effort."""
     sample, block = _decimated_samples(motion)
     usable = (motion.use & np.isfinite(motion.u))[sample]
     joints = tuple(int(joint) for joint in np.flatnonzero(usable.any(axis=0)))
@@ -63,9 +58,8 @@ def choose_rows(motion: Motion) -> Rows:
 def pieces(motion: Motion, rows: Rows, settings: Settings) -> Motion | None:
     """Return twelve pieces of a long motion, evenly spread, to search shapes on; None if it is not long.
 
-    A search over all values of a shape costs hundreds of times what the last digits do, and which value it is a
-    minute shows as well as an hour. An axis that moves for a part of the log is among so many pieces; of one
-    with fewer than 100 fitted rows filters and friction at rest leave nothing.
+    Which value a shape has a minute shows as well as an hour. Of an axis with fewer than 100 fitted rows filters and
+    friction at rest leave nothing.
     """
     if len(rows.sample) <= settings.long:
         return None

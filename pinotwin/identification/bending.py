@@ -1,11 +1,9 @@
 """Passive joints that no log holds, bent as the springs in machine.yaml have it.
 
-The motors' rows show a joint's mode (k / I, c / I) and how strongly it pulls (lambda² / I), not its inertia: that
-stays the CAD's. What drives the joint is the same lambda that its acceleration is weighed with. Fitted beside a
-deflection that came of lambda_0 it comes out as lambda² / lambda_0, so that the mean of both is nearly right at once,
-where putting the one in the place of the other would swing for ever. Springs are moved twice, at first beside dry
-friction by sign, then with friction and tables of a first plant taken off the effort. A twin's own springs bend any
-later log (:mod:`pinotwin.analysis.deflection`).
+The motors' rows show a joint's mode (k / I, c / I) and how strongly it pulls (lambda² / I); its inertia stays the
+CAD's. Beside a deflection of lambda_0 a fit gives lambda² / lambda_0, so the mean of both is taken: putting the one in
+the place of the other would swing for ever. Springs are moved twice, at first beside dry friction by sign, then with
+friction and tables of a first plant off the effort. See also :mod:`pinotwin.analysis.deflection`.
 """
 
 from __future__ import annotations
@@ -50,10 +48,9 @@ class Bending:
         return cls(machine, machine.base.from_standard(parameters(machine.model)), tuple(springs))
 
     def moved(self, motion: Motion, most: int = 4000) -> Bending:
-        """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
+        """Return the same with the springs where ``most`` motors' rows, fitted by all that is linear, leave least.
 
-        The motion is without the joints; its effort may lack what friction and tables take. ``most`` rows are
-        looked at.
+        The motion is without the joints; its effort may lack what friction and tables take.
         """
         machine, n = self.machine, len(self.springs)
         loads = [load_of(machine, self.beta, motion, s.index) for s in self.springs]

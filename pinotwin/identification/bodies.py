@@ -25,9 +25,8 @@ def near_urdf(
 ) -> tuple[Plant, CrossValidated, dict[str, Any]]:
     """Return the plant with bodies near the URDF's, its rows predicted part by part, and what bodies cost on these.
 
-    The price is the error on held-out rows over that of the plant as given, and over the least at any weight of the
-    URDF: what bodies that can exist cannot explain is an effect that is missing, or a wrong URDF. So many ``rows`` [1]
-    tell as much as an independent one, if that is known.
+    The price is the held-out error over that of the plant as given, and over the least at any weight of the URDF: what
+    bodies cannot explain is a missing effect or a wrong URDF. So many ``rows`` [1] tell as much as an independent one.
     """
     (bodies, dummy), fit = bodies_of(machine), plant.fit
     rigid = rigid_body_of(plant.effects)[1]
@@ -74,8 +73,7 @@ def memory(motion: Motion, seconds: float = 1.0) -> int:
 def correlated_rows(plant: Plant, theta: Floats) -> float:
     """Return how many rows of one sigma tell as much as an independent row of the residual, mean of the axes [1].
 
-    That is the variance of the residual's sum over that of as many independent rows of the free fit's sigma: what
-    bodies that can exist leave is larger than sigma, and correlated for a second.
+    By the variance of the residual's sum: what bodies that can exist leave is correlated for a second.
     """
     problem, sigma = plant.fit.problem, plant.fit.sigma
     lags = memory(plant.motion)

@@ -46,10 +46,9 @@ def fit_servos(
     tell: Callable[[str, float], None],
     settings: Settings = USUAL,
 ) -> Servos:
-    """Identify the controller of every axis that has a command, an effort and motion.
+    """Identify the controller of every axis that has a command, an effort and motion, from rows with nothing filtered.
 
-    The prepared motion says what the axes disturb one another by, ``raw`` holds the same rows with nothing
-    filtered; ``tell`` is called with the stage and the share of this step done [0 to 1].
+    The prepared motion says what the axes disturb one another by; ``tell`` gets stage and share done [0 to 1].
     """
     assert raw.qr is not None
     d, vr = generalised_disturbance(plant, motion, plant.diagonal), command_velocity(raw)
@@ -274,12 +273,10 @@ def own_friction(t: Lookup, i: int) -> Lookup:
 
 
 def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = USUAL) -> dict[str, Any]:
-    """Return which form predicts the end of a log best from its command, and the errors of each.
+    """Return which form predicts the end of a log best from its command, which none has seen, and the errors of each.
 
-    On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it
-    is what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must
-    also predict the log from its beginning on as well as the usual one: some drift off within seconds. The
-    trial's loops and controllers have not seen the end of the log.
+    On a machine with passive joints the free black box is the usual one (chapter 7 of the source). Another must also
+    predict the log from its beginning on as well as that: some drift off within seconds.
     """
     t = log.t
     length = min((t[-1] - t[0]) / 3.0, settings.judged)

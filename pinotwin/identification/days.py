@@ -1,10 +1,8 @@
 r"""By what friction differs from log to log: for each part of it a factor a log, normal about one.
 
-    r_k = U_k d_k + e_k,   d_k ~ N(0, diag(s^2))
-
-``U_k`` are the courses of the friction effects of an axis in log k, ``r_k`` what the model leaves there. The widths s
-are found by expectation and maximisation (Dempster, Laird & Rubin 1977), drawn to what real machines show from day to
-day as if two more logs had shown it: a model of one log has that alone.
+``r_k = U_k d_k + e_k``, d_k ~ N(0, diag(s^2)): U_k are the courses of an axis' friction effects in log k, r_k what the
+model leaves. The widths s follow by expectation and maximisation (Dempster, Laird & Rubin 1977), drawn to what real
+machines show from day to day as if two more logs had shown it: a model of one log has that alone.
 """
 
 from __future__ import annotations

@@ -1,19 +1,14 @@
 r"""The loop of an axis next to a passive joint, with its vibration (thesis Eq. 5.4, 5.8, 5.9).
 
-The motor of an axis that sits on a passive joint turns its own body and, by its reaction, the link
-below. Counted from the ground (q_A' = q_A + q_d) the two bodies obey
+Counted from the ground (q_A' = q_A + q_d) motor and link obey
 
      u = I_A q_A'' + b q_A' + d_A,       - u = I_d q_d'' + c q_d' + k q_d - b q_A' + d_d
 
-so that the loop has the link's generalised disturbance as a further input and its velocity as a
-further output: 3 x 3 of order 7 in the source. With the joint's own coordinates instead, the link
-is a spring with its own states and the axis' loop stays 2 x 2; that is what a twin simulates by default,
-for it needs no further poles and keeps the posture in the mass matrix. Both are identified, and judged on
-the part of the log that neither saw.
-
-The axes' own loops are then tied (:mod:`pinotwin.identification.loop_with_mass`): with the spring between them the
-accelerations of several axes are solved together, and loops that do not move the known mass could
-feed that circle.
+so that the loop has the link's generalised disturbance as a further input and its velocity as a further output: 3 x 3
+of order 7 in the source. A twin simulates by default the link as a spring of its own, beside a 2 x 2 loop, for that
+needs no further poles and keeps the posture in the mass matrix. Both are judged on the part of the log that neither
+saw. The axes' loops are then tied (:mod:`pinotwin.identification.loop_with_mass`): with the spring between them
+several accelerations are solved together, and loops that do not move the known mass could feed that circle.
 """
 
 from __future__ import annotations
@@ -34,18 +29,13 @@ from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop
 
-KEY = "with_vibration"
-"""Where ``quality["loops"][axis]`` keeps the loop."""
+KEY = "with_vibration"  # Where ``quality["loops"][axis]`` keeps the loop
 
 
 def tie_loops(
     plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
 ) -> dict[str, tuple[LoopModel, dict[str, Any]]]:
-    """Return per axis the loop whose effort follows from the mass, where held-out data allow it, and its row.
-
-    The row says what becomes of ``quality["loops"][axis]``: the tied fit, whether it was taken instead of
-    the free loop, and if so its figures in place of those of the free one.
-    """
+    """Return the loops whose effort follows from the mass, where held-out data allow it, and each axis' quality row."""
     d = generalised_disturbance(plant, motion, plant.diagonal)
     out = {}
     for name, free in loops.items():
@@ -70,10 +60,9 @@ def tie_loops(
 def vibration_loops(
     plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
 ) -> dict[str, Any]:
-    """Return the loop with vibration of every axis that sits on a passive joint, or why there is none.
+    """Return the loop with vibration of every axis on a passive joint, with its errors, or why there is none.
 
-    They are kept as ``quality["loops"][axis]["with_vibration"]``: the model, the errors of the fit
-    and on held-out rows; :func:`pinotwin.simulation.wide_loops` reads them.
+    Kept as ``quality["loops"][axis]["with_vibration"]``, which :func:`pinotwin.simulation.wide_loops` reads.
     """
     out: dict[str, Any] = {}
     for passive, axis in reacting(plant.machine).items():

@@ -18,8 +18,7 @@ from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Parameters
 from pinotwin.twin.parameters import verdict
 
-TRAINED = 2.0 / 3.0
-"""Share of the log on which the orders are compared; the rest judges them."""
+TRAINED = 2.0 / 3.0  # Share of the log on which the orders are compared; the rest judges them
 
 
 @dataclass
@@ -48,10 +47,7 @@ class Loops:
 
 
 def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:
-    """Return inputs and outputs of one axis' loop; of a long log twelve pieces in which the axis moves.
-
-    The disturbance is that of all joints [N or N·m], shape (n, nv).
-    """
+    """Return inputs and outputs of a loop, of all joints' disturbance (n, nv) [N or N·m]; pieces of a long log."""
     i = motion.index(name)
     if motion.qr is None or motion.vr is None or motion.ar is None:
         raise DataError(f"{motion.source}: no command in the log")

@@ -1,14 +1,12 @@
 r"""A loop whose effort row follows from its error row: u - d must move the known mass.
 
-With M_D and C known, u = d + M (ar - e'') + C (vr - e'). Over unit-gain states x' = A x + B w the error
-is e = c x, and with
+With M_D and C known, u = d + M (ar - e'') + C (vr - e'). Over unit-gain states x' = A x + B w, e = c x, and with
 
     c B = 0,  c A B = 1/M   (own disturbance),      c B = 1,  c A B = 0   (velocity of the command)
 
-all direct terms fall out and u = -(M c A² + C c A) x: one row of residues for both outputs. Fitted
-apart, the rows agree only where the log has power; above that band, where a hammer has most of its own,
-the tie decides the effort. A rigid axis under an ideal controller then has no room for the lag of drive
-and velocity filter, so one real pole is added. The poles are polished with the residues projected out.
+all direct terms fall out and u = -(M c A² + C c A) x: one row of residues for both outputs. Fitted apart, the rows
+agree only where the log has power; above, where a hammer has most of its own, the tie decides. One real pole is added
+for the lag of drive and velocity filter. The poles are polished with the residues projected out.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The closed loop of every axis whose command is logged (thesis Fig. 4-6, steps 4.2 and 4.3).
 
-Inputs are the command and the generalised disturbance of the identified plant, outputs the tracking
-error and the effort. Beside that black box the controller itself is identified, so that the two can be compared and a
-gain can be changed afterwards.
+From command and generalised disturbance to tracking error and effort. Beside that black box the controller itself is
+identified, so that the two can be compared and a gain can be changed afterwards.
 """
 
 from __future__ import annotations
@@ -77,11 +76,9 @@ def close_loops(
 ) -> ClosedLoops:
     """Return the closed loops of a plant's axes, and the form to simulate them in.
 
-    The coupled form comes first; where it predicts the tracking error of held-out rows well, its linearised
-    system gives poles and transfer functions. Otherwise, on machines with passive joints, and where
-    machine.yaml states orders, the source's free black box is identified beside it, and held-out rows decide
-    between them: poles are read from the form that simulates. ``tell`` is called with the stage and the share
-    of the identification done [0 to 1].
+    The coupled form, linearised, where it predicts the tracking error of held-out rows well. Otherwise, on machines
+    with passive joints, and where machine.yaml states orders, the source's free black box stands beside it, and
+    held-out rows decide. ``tell`` gets the stage and the share of the identification done [0 to 1].
     """
     if motion.step > settings.slowest:
         rate, least = 1.0 / motion.step, 1.0 / settings.slowest

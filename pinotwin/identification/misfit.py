@@ -27,9 +27,9 @@ def misfit_of(
 ) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
-    The parts are predicted by least squares on the others, moved by what physical consistency and the closed
-    loop moved it itself away from least squares on all of them. What is known of the rows as they were fitted,
-    part by part, is found anew where loops changed its effects.
+    The parts are predicted by least squares on the others, moved by what physical consistency and the closed loop
+    moved it itself away from least squares on all. What is ``known`` of the rows as they were fitted, part by part, is
+    found anew where loops changed its effects.
     """
     motion, log = without_model(motion), known.log
     if len(motion) > settings.kept:
@@ -89,9 +89,8 @@ def _foreseen(
 ) -> Motion:
     """Return the motion without the rows of a joint that the other parts of the logs say nothing of.
 
-    Where one part alone goes to a place that a table knows by its own knots, what the others predict there is no
-    validation error. A joint of which little else is left keeps its rows: ``least`` is the share that must be left,
-    ``unsure`` the variance of a prediction, over that of the noise, from which its row tells nothing of the model.
+    ``unsure`` is the variance of a prediction, over that of the noise, from which its row tells nothing of the model;
+    ``least`` the share of a joint's rows that must be left.
     """
     blind, use = held.unsure(known.problem) > unsure, motion.use.copy()
     sample = known.rows.sample[known.problem.time]

@@ -177,9 +177,8 @@ def _with_leads(
 ) -> tuple[Machine, Plant, dict[str, Any]]:
     """Return machine and plant with the leads of the efforts that are significant, and all leads.
 
-    A lead that machine.yaml gives is believed, and an axis that lists a delay has it there; a passive joint's
-    vibration is no place to look for others. Where a closed loop is identified as well, leads are told but left
-    in: the loop goes round by the channels as they were logged.
+    One given in machine.yaml, or listed as a delay, is believed; a passive joint's vibration shows none. With a closed
+    loop leads are told but left in: it goes round by the channels as they were logged.
     """
     plant = fitted(machine)
     given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}

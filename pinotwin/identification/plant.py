@@ -25,28 +25,18 @@ from pinotwin.twin.parameters import Parameter, Parameters, verdict
 
 @dataclass(frozen=True)
 class Plant:
-    """What the fit of the open loop found.
+    """What the fit of the open loop found."""
 
-    Attributes:
-        effects: with the shapes found.
-        rows: which rows were fitted.
-        fit: linear fit at those shapes.
-        theta: coefficients, shape (p,).
-        pi: standard inertial parameters; of the least squares the nearest to the URDF's, possible or not.
-        shape_errors: standard error of every searched shape, in the order of the effects.
-        shape_at_bound: whether it ended at a bound.
-        motion: what was fitted, with the model's own effort where an effect scales with it.
-        bodies: see :attr:`pinotwin.twin.OpenLoop.bodies`; none before they are asked for.
-    """
-
-    effects: tuple[Effect, ...]
-    rows: Rows
-    fit: LinearFit
-    theta: Floats
+    effects: tuple[Effect, ...]  # with the shapes found
+    rows: Rows  # which rows were fitted
+    fit: LinearFit  # linear fit at those shapes
+    theta: Floats  # coefficients, shape (p,)
+    # standard inertial parameters; of the least squares the nearest to the URDF's, possible or not
     pi: Floats
-    shape_errors: Floats
-    shape_at_bound: Mask
-    motion: Motion
+    shape_errors: Floats  # standard error of every searched shape, in the order of the effects
+    shape_at_bound: Mask  # whether it ended at a bound
+    motion: Motion  # what was fitted, with the model's own effort where an effect scales with it
+    # see :attr:`pinotwin.twin.OpenLoop.bodies`; none before they are asked for
     bodies: tuple[Mapping[str, Any], ...] = ()
 
 
@@ -92,8 +82,7 @@ def _settled(
 def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | None = None) -> Options:
     """Return bounds from the effects, and the CAD values as prior for what the data leave open.
 
-    With a motion, table knots are weakly held within the size of their axis' effort, so that a knot
-    that is hardly ever passed cannot run away.
+    With a motion, table knots are weakly held within the size of their axis' effort: none then runs away.
     """
     coefficients = [c for effect in effects for c in effect.coefficients()]
     mean = np.zeros(len(coefficients))

@@ -1,14 +1,12 @@
 """Friction, ripple and tables found once more, through the closed loop (thesis Fig. 4-6, step 4).
 
-The open-loop fit takes the effort for what the rigid model needs, so what bends behind the encoder, or
-filters and delays in the loop, leaks into friction. In the closed loop the same effects act as the
-disturbance of an LTI system that was identified with its poles and zeros:
+What bends behind the encoder, or filters and delays in the loop, leaks into the friction of the open-loop fit. In the
+closed loop the same effects act as the disturbance of an identified LTI system,
 
     [e; u] = G_qr qr + G_d (d_rest + sum_j theta_j column_j)
 
-which is linear in theta again. So loops and coefficients are found in turn, and the few shapes are
-polished by a short local search around them. The result is kept only if it pays on the part of the log
-that it did not see.
+linear in theta again. Loops and coefficients are found in turn, the few shapes polished by a short local search. The
+result is kept only if it pays on the part of the log that it did not see.
 """
 
 from __future__ import annotations
@@ -79,8 +77,7 @@ def refine(
 ) -> AxisEffects:
     """Return the effects with shapes and coefficients that explain e and u best through a loop, which is held.
 
-    The disturbance in the data belongs to ``found``; ``explore`` also tries friction that falls by the other
-    exponent.
+    The disturbance in the data belongs to ``found``; ``explore``: try friction that falls by the other exponent, too.
     """
     problem = _Through(data, model, motion, found)
     forms = [found]
@@ -109,10 +106,7 @@ class _Through:
         return np.stack(parts, axis=1)
 
     def solve(self, trial: AxisEffects, trust: float = 10.0) -> tuple[Floats, Floats]:
-        """Return coefficients and residual of one set of shapes.
-
-        A coefficient may move ``trust`` of its standard errors before the open-loop fit holds it back.
-        """
+        """Return coefficients, free within ``trust`` of their standard errors, and residual of one set of shapes."""
         A, b = self.columns(trial), self.y.ravel()
         noise = max(float(np.std(b - A @ trial.theta)), 1e-12)
         held = trust * np.where(np.isfinite(trial.error), trial.error, np.abs(trial.theta) + 1e-9)

@@ -1,10 +1,7 @@
-"""What one unit of an effort is where the log states no factor: amperes, parts of the rated effort, a servo's own law.
+"""What one unit of an effort is where the log states no factor: u_j = (W_j P pi + F_j phi_j) / s_j, s_j [N or N·m].
 
-    u_j = (W_j P pi + F_j phi_j) / s_j,     s_j [N or N·m] for one unit of axis j
-
-Friction and ratios of inertias need no s. What axes share, a given factor and the URDF's masses tell it: Gauss-Newton
-steps in log s, of which each finds the bodies by :func:`pinotwin.solve.bodies.near`. A rotor may have as much inertia
-as the URDF's bodies put on its axis.
+What axes share, a given factor and the URDF's masses tell s_j: Gauss-Newton steps in log s, of which each finds the
+bodies by :func:`pinotwin.solve.bodies.near`. A rotor may have as much inertia as the URDF's bodies put on its axis.
 """
 
 from __future__ import annotations
@@ -38,15 +35,12 @@ from pinotwin.units import ELECTRICAL, in_log_unit
 
 @dataclass(frozen=True)
 class Sizes:
-    """What one unit of the efforts is.
+    """What one unit of the efforts is."""
 
-    Attributes:
-        axes: axis -> ``unit`` in the log, ``size`` [N or N·m], its ``interval95``, ``error`` of its logarithm, and
-            ``source``: ``URDF``, ``given`` by the factors of other axes, or ``rod`` where the URDF has dummies.
-        doubt: relative standard error that the sizes leave to each base parameter, shape (b,).
-    """
-
+    # axis -> ``unit`` in the log, ``size`` [N or N·m], its ``interval95``, ``error`` of its logarithm, and
+    # ``source``: ``URDF``, ``given`` by the factors of other axes, or ``rod`` where the URDF has dummies
     axes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    # relative standard error that the sizes leave to each base parameter, shape (b,)
     doubt: Floats = field(default_factory=lambda: np.zeros(0))
 
     def notes(self, machine: Machine) -> list[str]:
@@ -151,7 +145,7 @@ def _sizes(
 ) -> tuple[Floats, Floats]:
     """Return the size of one unit of each open joint [N or N·m], and the standard error of its logarithm.
 
-    ``parts`` are independent rows of the base parameters and the effort, ``rotor`` what a rotor may have [kg or kg·m²].
+    ``parts`` are independent rows of base parameters and effort, ``rotor`` what a rotor may have [kg or kg·m²].
     """
     believed, count = bodies.pi0, len(bodies.pi0)
     every, free = Bodies(np.eye(count), believed, bodies.count), np.full(count, np.inf)

@@ -79,8 +79,7 @@ class Settings:
     cad_doubt: float = 0.5
 
 
-USUAL = Settings()
-"""The numbers of :func:`pinotwin.identify` where none are handed over."""
+USUAL = Settings()  # The numbers of :func:`pinotwin.identify` where none are handed over
 
 
 def better(usual: T, others: Iterable[T], score: Callable[[T], float], pays: float) -> T:

@@ -31,9 +31,8 @@ def search_shapes(
 ) -> Found:
     """Find the shapes of some effects, by their index, together with all coefficients.
 
-    Those ``unknown`` are searched all over (all by default), the others about their present shapes only. The
-    fit is in the order of the effects; for every shape of every effect go its standard error (nan where it was
-    not searched) and whether it ended at a bound.
+    Those ``unknown`` (all by default) are searched all over, the others about their shapes. For every shape of every
+    effect go its standard error (nan where not searched) and whether it ended at a bound.
     """
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]

@@ -1,13 +1,12 @@
 r"""The equation of a passive joint: its spring, its damper, and what of its body no motor sees.
 
-A passive joint has no measured effort. Left among the motors' rows, theta = 0 would solve its own, and
-weights that follow the residuals would end there. So it comes second, alone, with what the motors'
-rows found as the ruler for force (thesis Section 7.2; the source leaves the spring implicit):
+Without a measured effort theta = 0 would solve its row among the motors', so it comes second, alone, with their beta_1
+as the ruler for force (thesis Section 7.2; the source leaves the spring implicit):
 
     W_d(q, v, a) beta + k q_d + c v_d = 0,      beta ~ N(beta_1, cov_1),
 
-both sides band-passed, for the slow angle is not measured. What the motors cannot see of beta, the
-link's own inertia about the joint, has a wide prior around the CAD value and is found here.
+both sides band-passed, for the slow angle is not measured. The link's own inertia about the joint, which no motor
+sees, has a wide prior around the CAD value and is found here.
 """
 
 from __future__ import annotations
@@ -42,15 +41,9 @@ def find_springs(
 
 
 def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], settings: Settings) -> OpenLoop:
-    """Return the plant with a spring that was not found in a joint's own row, and CAD for what no motor sees.
+    """Return the plant with a spring of the motors' rows, as doubtful as the CAD, and CAD for what no motor sees.
 
-    Its mode is that of the motors' rows; its stiffness is as doubtful as the CAD's inertia.
-
-    Args:
-        plant: the motors' rows fitted with the vibration.
-        joint: the passive one.
-        spring: stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
-        settings: how doubtful the CAD is.
+    ``spring`` is its stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
     """
     mean, precision = _prior(plant, settings.cad_doubt)
     k = len(mean) - 2

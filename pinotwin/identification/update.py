@@ -1,8 +1,7 @@
-"""``update``: more healthy logs into a twin, without the rows of those that it has seen.
+"""``update``: more healthy logs into a twin, without the rows of those that it has seen (:mod:`pinotwin.twin.moments`).
 
-At the shapes that were found the problem stays linear, and the twin keeps what least squares needs of every log
-(:mod:`pinotwin.twin.moments`). Coefficients, bodies, errors, scatter and validation error follow anew; shapes, leads,
-corner of the low-pass and controllers stay, and so does what the closed loops moved the friction by.
+At the shapes found the problem stays linear: coefficients, bodies, errors, scatter and validation error follow anew;
+shapes, leads, corner of the low-pass and controllers stay, and what the closed loops moved the friction by.
 """
 
 from __future__ import annotations

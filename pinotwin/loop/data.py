@@ -1,9 +1,7 @@
 """The data of one control loop: inputs and outputs of one axis, checked once.
 
-Intersample behaviour, stated because an exact discretisation needs it: the disturbances and the
-*velocity* of the command run straight between their samples (first-order hold), so the command
-itself is piecewise parabolic. Where the log has no velocity of the command it comes from a cubic
-spline through the samples of ``qr``.
+Disturbances and the *velocity* of the command run straight between samples (first-order hold), as an exact
+discretisation needs it said; where the log has no velocity of the command it comes from a cubic spline through ``qr``.
 """
 
 from __future__ import annotations

@@ -36,19 +36,11 @@ def identify_loop(
     starts: Floats | None = None,
     judged: bool = True,
 ) -> LoopModel:
-    """Return the closed-loop model of one axis.
+    """Return the closed-loop model of one axis; DataError if the data are too short, or nothing moves.
 
-    Args:
-        data: command, disturbances and outputs.
-        structure: numbers of poles and numerator form; three real poles and one pair where absent.
-        bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-], e.g.
-            ``{"p1": (1, 100), "wn1": (1, 100), "zeta1": (0.1, 1.5)}``.
-        starts: starting points of theta (logarithms of rad/s or of zeta), shape (k, np); spread
-            ones where absent.
-        judged: also find intervals and errors; a third of the time.
-
-    Raises:
-        DataError: too short, or nothing moves.
+    ``structure`` has three real poles and one pair where absent; ``bounds`` replace the usual ones by parameter name,
+    [Hz] or [-], e.g. ``{"p1": (1, 100), "zeta1": (0.1, 1.5)}``; ``starts`` of theta (logarithms of rad/s or of zeta)
+    have shape (k, np). ``judged``: also find intervals and errors, a third of the time.
     """
     structure = structure or Structure()
     data.require_motion()

@@ -1,7 +1,6 @@
 """The inner loops: sections filtered sample by sample, compiled.
 
-States that have decayed below 1e-200 are set to zero: a long standstill would otherwise end in
-denormal numbers, which are a hundred times slower.
+States that have decayed below 1e-200 are set to zero: denormal numbers are a hundred times slower.
 """
 
 from __future__ import annotations
@@ -59,8 +58,7 @@ def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
 ) -> None:
     """Step a modal system from states x (k, 2) over rows of inputs w (k, n) and add its response to out (n, ny).
 
-    A (k, 2, 2), B (k, 2, 2) as [block, start or end of the interval, state], C (ny, k, 2); x ends at the last
-    row.
+    A (k, 2, 2), B (k, 2, 2) as [block, start or end of the interval, state], C (ny, k, 2); x ends at the last row.
     """
     for b in range(len(A)):
         p, q = x[b, 0], x[b, 1]

@@ -1,9 +1,7 @@
-"""A controller around a rigid plant: the closed loop, its stability, and how far it is from instability.
+"""A controller around a rigid plant, M v' + B v = u - d: the closed loop and how far it is from instability.
 
-    M v' + B v = u - d,     e' = vr - v
-
-The closed loop is the same :class:`LoopModel` as the black box, so that the two can be compared on
-held-out data and simulated by the same code. The margins are those of the loop broken at the effort.
+It is a :class:`LoopModel` like the black box, to be compared and simulated by the same code; the margins are those of
+the loop broken at the effort.
 """
 
 from __future__ import annotations
@@ -22,17 +20,7 @@ from pinotwin.loop.structure import Section, Structure
 
 
 def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "axis") -> LoopModel:
-    """Return the closed loop of an identified controller and a rigid plant: poles, residues, u - d = M a + B v.
-
-    Args:
-        servo: the controller.
-        inertia: M [kg or kg·m²].
-        viscous: B [N·s/m or N·m·s/rad].
-        axis: name of the axis.
-
-    Raises:
-        DataError: the loop is unstable.
-    """
+    """Return the loop of a controller around M [kg or kg·m²] and B [N·s/m or N·m·s/rad]; DataError if unstable."""
     A, B, C, D = closed(servo.matrices(), inertia, viscous, servo.dead)
     values, right = np.linalg.eig(A)
     if np.max(values.real) >= 0.0:

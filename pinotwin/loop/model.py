@@ -188,16 +188,10 @@ class LoopModel:
         ar: Floats | None = None,
         step: float | None = None,
     ) -> Floats:
-        """Return the outputs to a command and disturbances, shape (n, ny).
+        """Return the outputs to a command ``qr`` (n,) and disturbances ``d``, (n,) or (n, nd), shape (n, ny).
 
-        Args:
-            qr: command, shape (n,).
-            d: disturbances, shape (n,) or (n, nd).
-            x0: modal states at the first sample, shape (k, 2); at rest under the first inputs if
-                absent.
-            vr: velocity of the command; by spline from ``qr`` where absent.
-            ar: acceleration of the command; likewise.
-            step: sampling interval [s]; that of the identified data where absent.
+        From modal states ``x0`` (k, 2), at rest under the first inputs where absent; velocity and acceleration of the
+        command by spline where absent; ``step`` [s] is that of the identified data where absent.
         """
         h = step or self.step
         given = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))

@@ -1,19 +1,14 @@
 """The misfit of a set of poles, with all numerators projected out, and its exact gradient.
 
-For poles theta the outputs are linear in the residues c, which obey linear ties N(theta).T c = g,
-and in the free response f of every segment. With c = cp + Z z, where Z spans the null space of N.T,
-the misfit
+For poles theta the outputs are linear in the residues c, tied by N(theta).T c = g, and in the free response f of every
+segment. With c = cp + Z z, Z the null space of N.T, variable projection (Golub and Pereyra 1973, doi:10.1137/0710036)
+in Kaufman's simplification (1975, doi:10.1007/BF01932995) is
 
     r(theta) = min over z, f of  || Y - Phi c - F f ||
-
-is variable projection (Golub and Pereyra 1973, doi:10.1137/0710036) in Kaufman's simplification
-(1975, doi:10.1007/BF01932995):
-
     dr/dtheta_i = -P [dPhi_i c + Phi dc_i + dF_i f],     dc_i = -N (N.T N)^-1 dN_i.T c,
 
-with P the projector off the columns [Phi Z, F]. It gives the exact gradient of the cost. All
-columns of a block of rows, [F dF Phi dPhi Y], are first reduced to their triangular factor, so that
-the problem that is solved has a few dozen rows whatever the length of the log; nothing is squared.
+with P the projector off [Phi Z, F]. All columns of a block of rows, [F dF Phi dPhi Y], are first reduced to their
+triangular factor: a few dozen rows whatever the length of the log, and nothing is squared.
 """
 
 from __future__ import annotations
@@ -38,8 +33,7 @@ from pinotwin.loop.responses import (
 from pinotwin.loop.sections import Discrete, discretise
 from pinotwin.loop.structure import Section
 
-BLOCK = 1000
-"""Rows that are filtered and factored at once."""
+BLOCK = 1000  # Rows that are filtered and factored at once
 
 
 @dataclass(frozen=True)

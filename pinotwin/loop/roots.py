@@ -1,13 +1,10 @@
 r"""kp and 1/ti of a cascade: two roots of one equation, often nearly equal.
 
-With A = k_e / k_v, B = k_i / k_v and the lag T of the velocity, the gains of a cascade give
-
     (1 + T A) r² - (A + T B) r + B = 0     for r = 1/ti,     kp = A - (1 + T A) r
 
-and kp is, but for the lag, the other root: the law of the feedback is symmetrical in the two. Their sum and
-their product are as certain as A and B; the roots lie sqrt(apart) from one another, apart = (A - T B)² - 4 B,
-a small difference of large numbers whose error grows without bound in a linear estimate where the two meet.
-Intervals are therefore made from ``apart`` and the error that it has, not from the slopes of the roots.
+with A = k_e / k_v, B = k_i / k_v and the lag T of the velocity; kp is, but for the lag, the other root. They lie
+sqrt(apart) from one another, apart = (A - T B)² - 4 B; where they meet, a linear estimate of their error grows without
+bound. Intervals are therefore made from ``apart`` and its error, not from the slopes of the roots.
 """
 
 from __future__ import annotations

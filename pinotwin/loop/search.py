@@ -1,10 +1,7 @@
-"""The search for the poles: bounded, deterministic, from physically spread starts.
+"""The search for the poles: bounded, deterministic, in logarithms, so that every point of it is stable.
 
-The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live,
-beside a plain guess. All run a few steps on the liveliest short piece of the log, the best four of
-them to their ends there, and the best two different ends are polished on all of it, the second only
-while it may still win. Poles live in logarithms of p, wn and zeta, so that every point of
-the search, and hence every result, is stable.
+A Halton sequence over where servo loops live and a plain guess run on the liveliest piece of the log; the best ends
+are polished on all of it.
 """
 
 from __future__ import annotations

@@ -1,19 +1,13 @@
 r"""Exact discretisation of first- and second-order sections, and its derivative by the poles.
 
-Each section has gain 1 at frequency zero. In states,
+Each section has gain 1 at frequency zero, at any damping and for equal poles:
 
     first order    x' = -p x + p w
-    second order   x1' = wn x2,   x2' = -wn x1 - 2 zeta wn x2 + wn w      (x1 = G w, x2 = G s w /
-    wn)
+    second order   x1' = wn x2,   x2' = -wn x1 - 2 zeta wn x2 + wn w      (x1 = G w, x2 = G s w / wn)
 
-which holds for any damping, also above 1, and for equal poles. For an input that runs straight
-between samples (first-order hold) the response at the samples is exactly
-
-    x[k+1] = A x[k] + B0 w[k] + B1 w[k+1]
-
-with A, B0, B1 from the matrix exponential of the section extended by the input and its slope (Van
-Loan 1978, doi:10.1109/TAC.1978.1101743). The same exponential, extended once more, gives their
-derivatives by log p, log wn and log zeta.
+For an input that runs straight between samples (first-order hold) x[k+1] = A x[k] + B0 w[k] + B1 w[k+1] exactly, with
+A, B0, B1 from the matrix exponential of the section extended by the input and its slope (Van Loan 1978,
+doi:10.1109/TAC.1978.1101743); extended once more it gives the derivatives by log p, log wn and log zeta.
 """
 
 from __future__ import annotations
@@ -84,8 +78,7 @@ class ModalStep:
         x[k+1] = A x[k] + B0 w[k] + B1 w[k+1]          w = (disturbances..., velocity of the command)
         y[k]   = C x[k] + D w[k] + Da ar[k]            ar = acceleration of the command
 
-    Each input drives its own copy of the sections (every block belongs to one input), so that the
-    states carry physical meaning: the first state of a block is its filtered input.
+    Each input drives its own copy of the sections: the first state of a block is its filtered input.
     """
 
     step: float  # sampling interval [s]
@@ -116,13 +109,10 @@ class ModalStep:
         kernels.simulate(self.A, B, C, driven, x.copy(), 0, len(w), out)
 
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return C, D, E and F of the outputs' first or second derivative, y'' = C x + D w + E w' + F w''.
+        """Return C (ny, k, 2), D, E, F of the outputs' first or second derivative: C x + D w + E w' + F w''.
 
-        They are exact, without numerical differentiation (thesis Eq. 4.12). The tracking error has no direct term (E
-        of e' is zero for a rigid plant seen from its own disturbance): q' = vr - e' needs no slope of d.
-
-        C has shape (ny, k, 2); D, E, F weigh the inputs, their first and second derivatives, shape
-        (ny, m).
+        D, E, F of shape (ny, m) weigh the inputs and their derivatives, exactly (thesis Eq. 4.12). E of e' is zero for
+        a rigid plant seen from its own disturbance: q' = vr - e' needs no slope of d.
         """
         C, D = self.C, self.D
         weights = [D, np.zeros_like(D), np.zeros_like(D)]

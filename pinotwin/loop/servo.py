@@ -4,18 +4,15 @@ r"""A servo controller in continuous time: one law for cascade, set-point weight
     v_f = v / (1 + s T_v)                               the velocity that the drive sees, late
     u   = N(s) u0 / (1 + s T_u)                         notch and current loop
 
-u acts ``dead`` seconds later on the axis. A cascade (P-PI) with position gain kp, velocity gain kv,
-integral time ti, velocity feed-forward ffv, acceleration feed-forward ffa and set-point weight w of the
-proportional part is
+u acts ``dead`` seconds later on the axis. A cascade (P-PI) with gains kp and kv, integral time ti, feed-forwards ffv
+and ffa of velocity and acceleration, and set-point weight w of the proportional part is
 
     k_e = kv (kp + 1/ti),  k_i = kv kp / ti,      k_v = kv (1 - T_v / ti),
     k_vr = kv w ffv,       k_w = kv (ffv - 1) / ti,  k_ar = ffa
 
-since the integral of its velocity error holds the position itself, and that integral sees the same late
-velocity as the gain: the integral of v_f is q - T_v v_f. Left out, this last term (1 to 2 % of k_v) makes
-a quarter of kp and a third of 1/ti, which follow from the small difference of nearly equal roots. In a
-PID k_w is zero. The law is linear in its six gains at given shapes (T_v, T_u, the notch), which is why
-they can be found by least squares.
+since the integral of its velocity error sees the late velocity too: that of v_f is q - T_v v_f. Left out, the term (1
+to 2 % of k_v) makes a quarter of kp and a third of 1/ti, a small difference of nearly equal roots. In a PID k_w is
+zero. At given shapes (T_v, T_u, the notch) the law is linear in its six gains: least squares finds them.
 """
 
 from __future__ import annotations
@@ -37,8 +34,7 @@ if TYPE_CHECKING:
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
-TWO_SIDED = 1.645
-"""Standard errors on either side of a value that make 90 %."""
+TWO_SIDED = 1.645  # Standard errors on either side of a value that make 90 %
 NARROW = 0.10
 """A gain is determined where its 90 % interval reaches no further from it than this share of it: a simulation
 or a new tuning that takes it for the truth is then off by no more than a tenth."""

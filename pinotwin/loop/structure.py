@@ -4,15 +4,10 @@ All transfer functions of an axis share one characteristic polynomial (thesis Eq
 
     D(s) = Dfb(s) Dff(s),     Dfb = prod (s + p) prod (s² + 2 zeta wn s + wn²)
 
-Dfb holds the poles of plant and feedback, Dff the poles that make the velocity and acceleration
-feed-forward causal (Table 4-1). The disturbance never passes the feed-forward, so its numerators
-hold the factor Dff and G_ed, G_ud are fractions over Dfb alone ("exact"). Eq. 4.17, 4.18, 5.7 and
-5.9 leave that factor out ("source"), which adds the lag of Dff to the response to disturbances; the
-option is kept for comparison.
-
-The command enters through its velocity, since no numerator of Eq. 4.17 or 5.9 has a constant term.
-A numerator is then said by two facts about the fraction: its relative degree, and its gain at
-frequency zero where that is known:
+Dfb holds the poles of plant and feedback, Dff those that make the feed-forward causal (Table 4-1). The disturbance
+never passes the feed-forward: G_ed and G_ud are fractions over Dfb alone ("exact"). Eq. 4.17, 4.18, 5.7 and 5.9 leave
+that factor out ("source"), which adds the lag of Dff; the option is kept for comparison. The command enters through
+its velocity. A numerator is said by its relative degree, and its gain at frequency zero where that is known:
 
     =========  ============  ============  ============
     output     own d         further d     velocity of qr
@@ -22,9 +17,8 @@ frequency zero where that is known:
     v (extra)  2, gain 0     1, gain 0     2, gain 0
     =========  ============  ============  ============
 
-Feed-forward poles: a tuple preassigns them [Hz]; None preassigns both at the sampling frequency (as
-the source does at 250 Hz); "search" searches one double pole; () puts them at infinity, so that
-velocity and acceleration of the command act on u directly, as in a sampled controller.
+Feed-forward poles: a tuple preassigns them [Hz]; None preassigns both at the sampling frequency (as the source does at
+250 Hz); "search" searches one double pole; () puts them at infinity, as in a sampled controller.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Reports: self-contained HTML pages with interactive plots.
-
-``identification_report`` is the page of ``pinotwin identify``, ``diagnosis_report`` that of
-``pinotwin diagnose``; ``Page`` with its blocks is what other reports are made of.
-"""
+"""Reports: self-contained HTML pages with interactive plots, made of a :class:`Page` and its blocks."""
 
 from pinotwin.report.blocks import Block as Block
 from pinotwin.report.blocks import Group as Group

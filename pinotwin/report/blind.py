@@ -1,8 +1,4 @@
-"""The report of the withheld bench: the table, what is confused with what, calibration.
-
-It shows what is wrong as plainly as what is right: a figure below its bound is marked, and the confusion
-matrix is published as it is.
-"""
+"""The report of the withheld bench: the table, what is confused with what, calibration; bad figures are marked."""
 
 from __future__ import annotations
 

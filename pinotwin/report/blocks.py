@@ -1,7 +1,6 @@
 """The pieces that a page is made of; each is escaped HTML (a macro of templates/blocks.html) or a plotly figure.
 
-Only :class:`Html` goes into a page as it is. Plain text is always escaped, so that a name taken
-from a file cannot become markup.
+Only :class:`Html` goes in as it is: a name taken from a file cannot become markup.
 """
 
 from __future__ import annotations

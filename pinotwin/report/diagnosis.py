@@ -1,7 +1,4 @@
-"""The report of a diagnosis: what changed, where, why, how far the residual falls, what to do next.
-
-Written for the engineer at the machine: the answer first, every technical word explained where it stands.
-"""
+"""The report of a diagnosis, for the engineer at the machine: what changed, where, why, how far it shrinks, advice."""
 
 from __future__ import annotations
 

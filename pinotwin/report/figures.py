@@ -1,7 +1,6 @@
 """What all plots share: colours, layout, the kinds of plot, and how a long log is thinned for the screen.
 
-Colours written ``var(--...)`` follow the page's theme; the colours of effects are fixed, so that an
-effect looks the same in every plot. They are mid-tones that read on white and on black.
+Colours ``var(--...)`` follow the page's theme; those of effects are fixed mid-tones that read on white and on black.
 """
 
 from __future__ import annotations

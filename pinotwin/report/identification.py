@@ -34,11 +34,7 @@ def identification_report(
     validate: Sequence[Log] = (),
     made: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return a self-contained HTML page about an identified machine.
-
-    Raises:
-        DataError: the logs hold no row that the twin can be compared with.
-    """
+    """Return a self-contained HTML page about an identified machine; DataError where no row can be compared."""
     given, fitted = evidence(twin, logs), [logs] if isinstance(logs, Log) else list(logs)
     split, first = split_rigid_body(twin, given), [*validate, *fitted][0]
     tied, (head, weights, price) = {name for group in twin.groups for name in group}, bodies(twin)

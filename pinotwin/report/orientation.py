@@ -1,8 +1,7 @@
 """The report of an orientation: where an IMU pointed over time, and what says how far that can be trusted.
 
-No interval is known without a reference. Two things are known from the log alone: a second method of another kind
-on the same log, and the acceleration that is left once gravity is taken out, whose mean is zero for a sensor that
-stays in the room: what it is not, over g, is a tilt that the accelerometer and the result do not agree on.
+Without a reference two things are known: a second method on the same log, and the mean acceleration left once gravity
+is taken out, zero for a sensor that stays in the room: over g, it is the tilt on which the two disagree.
 """
 
 from __future__ import annotations

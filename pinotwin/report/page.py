@@ -2,9 +2,8 @@
 
     Page("Trunnion").section("Verdict", "All is well.").section("Effort", Plot(figure)).html()
 
-A page with much prose has a template of its own below ``templates``, which gets what ``given`` holds.
-plotly's script is packed into the page once (a third of its size; the browser unpacks it), and only
-if the page has a plot. A figure may use the colours of the style sheet, written ``var(--accent)``.
+A page with much prose has its own template, which gets what ``given`` holds. plotly's script is packed in once, if the
+page has a plot. A figure may use the colours of the style sheet, written ``var(--accent)``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a result draws of itself: the figure of its page, by itself, and a small still of it for a notebook.
-
-:class:`pinotwin.notebook.Drawn` asks here, by the kind of the result.
-"""
+"""What a result draws of itself: its page's figure, a small still for a notebook (:class:`pinotwin.notebook.Drawn`)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """The report of a simulation: what the twin predicts of a command, beside what was measured.
 
-Where the log holds measurements, each error is held against what the identified closed loop left of rows
-that were held out when the twin was identified. No cause is looked for here; that is ``pinotwin diagnose``.
+Errors are held against what the closed loop left of held-out rows; causes are those of ``pinotwin diagnose``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A figure as a still picture: an image of lines and bars that needs no script and no network.
-
-A notebook on a code host shows no script's output; it does show an image.
-"""
+"""A figure as a still picture without script or network, which a notebook on a code host shows: lines and bars."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """One axis alone under its controller, the scheme of :mod:`pinotwin.simulation.coupled_kernel` in scalars.
 
-The search for a controller simulates an axis a thousand times; with scalars a step costs a tenth of the
-general kernel's. The general kernel is the reference: a test holds both to the same numbers.
+The search for a controller takes a tenth of the time so. A test holds both kernels to the same numbers.
 """
 
 from __future__ import annotations
@@ -131,10 +130,7 @@ _plain, _whole = _loop(_nothing), _loop(_further)
 
 
 def run(axis: Axis, tables: Lookup, course: Course, start: Floats) -> Floats | None:
-    """Return e and u, shape (n, 2), from position, velocity and effort ``start`` on; None where the axis runs away.
-
-    An axis of viscous and dry friction has a loop of its own: what is never done triples the time of a step.
-    """
+    """Return e and u, (n, 2), from position, velocity and effort ``start`` on; None where the axis runs away."""
     slips, z, out = len(tables.slips), np.zeros, np.empty((len(course.qr), 2))
     loop = _whole if slips or len(tables.speeds) else _plain
     memory = Memory(z((1, int(axis.law.whole) + 2)), z((slips, tables.give.shape[1] + 1)), z(slips), z(3))

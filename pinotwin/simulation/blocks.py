@@ -1,16 +1,10 @@
 """The loops of all axes as one list of 2 x 2 blocks for the stepping kernel.
 
-An axis with a loop gives the blocks of its :class:`LoopModel`. A passive joint is one second-order
-block driven by its own disturbance,
-
-    M_D q'' + C q' + K q + d = 0,     e = -q,
-
-unless the loop of the axis next to it has it as a further disturbance and output (thesis Eq. 5.8).
-Then its blocks are those of that loop: with y its velocity, y = c x over blocks x' = A x + B w of unit
-gain, the angle is c A^-1 x, since y has gain zero at frequency zero. In such a loop the two bodies
-count from the ground (q_A' = q_A + q_d, Eq. 5.4), which the kernel is told by ``Blocks.pairs``.
-
-An axis without a loop has no blocks: it follows its command exactly.
+An axis with a loop gives the blocks of its :class:`LoopModel`, one without has none and follows its command exactly. A
+passive joint is one second-order block, M_D q'' + C q' + K q + d = 0, e = -q, unless the loop of the axis next to it
+has it as a further disturbance and output (thesis Eq. 5.8). Then its blocks are those of that loop: with y = c x its
+velocity, the angle is c A^-1 x, since y has gain zero at frequency zero. In such a loop the two bodies count from the
+ground (q_A' = q_A + q_d, Eq. 5.4), which the kernel is told by ``Blocks.pairs``.
 """
 
 from __future__ import annotations
@@ -26,8 +20,7 @@ from pinotwin.errors import TwinError
 from pinotwin.loop import LoopModel, ModalStep, Section, Structure
 from pinotwin.machine import Machine
 
-E, E_RATE, E_RATE2, U = range(4)
-"""Rows of ``Blocks.C``: e, e', e'', u."""
+E, E_RATE, E_RATE2, U = range(4)  # Rows of ``Blocks.C``: e, e', e'', u
 D_RATE, D_RATE2, DA_RATE2, GAIN, U_V, U_A, U_D, LOAD_E, LOAD_U = range(9)
 """Columns of ``Blocks.direct``, see :class:`Blocks`."""
 
@@ -63,11 +56,7 @@ class _Laid(NamedTuple):
 def lay_blocks(
     machine: Machine, loops: Mapping[str, LoopModel], diagonal: Mapping[str, Floats], step: float
 ) -> Blocks:
-    """Return the blocks of all joints at an internal step [s]; of a passive joint from its M_D, C, K.
-
-    Raises:
-        TwinError: a loop that cannot be laid, or a passive joint without a spring.
-    """
+    """Return all joints' blocks at an internal step [s]; TwinError if a loop cannot be laid or a spring is missing."""
     direct, ideal = np.zeros((machine.nv, 9)), np.zeros(machine.nv, dtype=np.intp)
     held = {_partner(machine, loop): name for name, loop in loops.items() if _wide(loop)}
     laid: list[_Laid | None] = []

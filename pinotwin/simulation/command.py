@@ -1,8 +1,4 @@
-"""The command of a log, checked, in joint coordinates, on an even clock; and the way back.
-
-Only ``t``, ``<axis>.qr`` and external loads ``<link>.fx`` ... are looked at: a simulation must not know
-what was measured.
-"""
+"""The command of a log (``qr`` and external loads alone: nothing measured), checked, in joints, and the way back."""
 
 from __future__ import annotations
 
@@ -23,8 +19,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import segments
 
-FEWEST = 8
-"""Rows below which there is nothing to simulate."""
+FEWEST = 8  # Rows below which there is nothing to simulate
 
 
 @dataclass(frozen=True)
@@ -71,12 +66,7 @@ class Request:
 
 
 def request(machine: Machine, log: Log | Motion) -> Request:
-    """Return the command of a log, or of a motion made of one stretch of it.
-
-    Raises:
-        LogError: a command is missing, has NaN, or the time does not advance.
-        DataError: a motion has no command, or more than one clock.
-    """
+    """Return the command of a log, or a motion of one stretch; LogError for gaps, DataError for none or two clocks."""
     if isinstance(log, Motion):
         return _of_motion(log)
     held = log.channels

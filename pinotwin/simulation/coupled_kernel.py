@@ -1,19 +1,16 @@
 """The stepping loop of the coupled machine: identified controllers around the identified plant.
 
-One internal step h, semi-implicit (symplectic) Euler, which is late by nothing between effort and
-position:
+One internal step h, semi-implicit (symplectic) Euler, which is late by nothing between effort and position:
 
     1  u      from e, v, vr, ar by the law of each axis (:mod:`pinotwin.loop.servo`), lags exactly
     2  A dv   = h (u_late - h(q, v) - position - velocity's effort - K (q + h v) + load),
                 A = M(q) + h C + h² K, with the slopes of what depends on velocity and bend in C and K
-    3  dry friction: impulses that stop an axis, none larger than its level (projected Gauss-Seidel)
+    3  dry friction: impulses that stop an axis, none larger than its level (projected Gauss-Seidel), so that
+                it holds an axis at rest and puts no energy in, whatever the gains
     4  v += dv,  q += h v
 
-A load that hangs on joint j by a spring (a share s of its inertia, twist x with x'' = a_j - f, f = w^2 x + 2 zeta w x')
+A load that hangs on joint j by a spring (a share s of its inertia, twist x, x'' = a_j - f, f = w^2 x + 2 zeta w x')
 takes s M_ij a_j off step 2 and puts s M_ij f there instead, at every joint i.
-
-Dry friction solved for inside the step holds an axis at rest as it is; the integrator winds up against
-it. So whatever the gains, friction takes energy out and never puts any in.
 """
 
 from __future__ import annotations
@@ -33,8 +30,7 @@ from pinotwin.simulation.plant_kernel import (
     pace_of,
 )
 
-SERVO, IDEAL, PASSIVE = 0, 1, 2
-"""Kinds of joints: under a controller, on its command, without either."""
+SERVO, IDEAL, PASSIVE = 0, 1, 2  # Kinds of joints: under a controller, on its command, without either
 
 
 @leaf

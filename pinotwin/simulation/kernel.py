@@ -1,6 +1,4 @@
-"""The stepping loop: linear blocks of all axes with the full nonlinear disturbance fed back.
-
-One internal step, from t to t + h:
+"""The stepping loop: linear blocks of all axes with the full nonlinear disturbance fed back; second order in h.
 
     1  x_p   = A x + B0 w(t) + B1 w(t + h)         exact; w holds vr, and d held at d(t)
     2  e, e', e'' without d, u   from x_p
@@ -10,9 +8,7 @@ One internal step, from t to t + h:
                                                    (K is diagonal but for the loops with a vibration)
     6  x     = x_p + B1 (d(t+h) - d(t))            d runs straight between the steps
 
-Step 5 solves the algebraic loop between disturbance and acceleration exactly: nothing is
-differentiated numerically and nothing is one step late. With one evaluation of the nonlinear terms a
-step, at the predicted state, the scheme is of second order.
+Step 5 solves the algebraic loop between disturbance and acceleration: nothing is differentiated or one step late.
 """
 
 from __future__ import annotations
@@ -163,10 +159,7 @@ def _write(record, row, s):  # type: ignore[no-untyped-def]
 @entry
 @leaf
 def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
-    """Put the loops in equilibrium under the first command: cold start, friction not yet loaded.
-
-    The machine is taken to follow it; then d is known, and with it the states, in a few passes.
-    """
+    """Put the loops in equilibrium under the first command, which the machine follows: friction not yet loaded."""
     command_at(command, (command.step, 1.0 / command.step), 0, 0.0, s.c)
     nv = len(s.d)
     for _ in range(30):

@@ -12,8 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.stepping import inlined
 from pinotwin.loop.servo import Servo
 
-LONGEST = 2.5e-4
-"""Longest internal step [s]."""
+LONGEST = 2.5e-4  # Longest internal step [s]
 
 
 class Law(NamedTuple):

@@ -30,10 +30,9 @@ class Plant:
     ground: Floats  # M_D of the passive joints that count from the ground, shape (nv,)
 
     def substeps(self, sampling: float, step: float, shortest: float = 1e-5) -> int:
-        """Return the internal steps a sample, none longer than ``step`` [s]: no dry friction turns within one.
+        """Return the internal steps a sample, none longer than ``step`` or shorter than ``shortest`` [s].
 
-        The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding, h
-        sqrt(stiffness / M) is well below 2. Stiff friction asks for steps down to ``shortest`` [s].
+        Stable for (slope of friction over speed) h / M < 1 and, for presliding, h sqrt(stiffness / M) well below 2.
         """
         longest = min(step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
@@ -58,10 +57,9 @@ class Plant:
         return at_rest(self.tables, t, **rooms)
 
     def hanging(self, h: float) -> Modes:
-        """Return the loads on springs at the internal step h [s].
+        """Return the loads on springs at the internal step h [s], exact for an acceleration a that is held within it.
 
-        The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``;
-        the step is exact for an acceleration that does not change within it.
+        The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``.
         """
         joint, share, frequency, damping = np.array(self.modes, dtype=float).reshape(-1, 4).T.copy()
         w = 2.0 * np.pi * frequency

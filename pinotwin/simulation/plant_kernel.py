@@ -1,7 +1,4 @@
-"""What the compiled loops share: the command between samples, the tape, and friction out of its tables.
-
-The effort of a slip element and its bristle is that of :mod:`pinotwin.effects.presliding`.
-"""
+"""What the compiled loops share: command between samples, tape, friction of :mod:`pinotwin.effects.presliding`."""
 
 from __future__ import annotations
 

@@ -31,8 +31,7 @@ from pinotwin.twin.twin import TwinLike, as_twin
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
-Loops = str | Mapping[str, Servo]
-"""One of :data:`FORMS`, or controllers by axis."""
+Loops = str | Mapping[str, Servo]  # One of :data:`FORMS`, or controllers by axis
 FORMS = ("coupled", "black", "vibration")
 
 
@@ -60,8 +59,7 @@ def simulate(
 
     Args:
         twin: the machine, with its loops; or its folder.
-        log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
-            used.
+        log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
         controller: None: the form that predicted held-out data best when the twin was identified
             (``twin.quality["simulation"]``). ``"coupled"``: the identified controllers around the
@@ -117,18 +115,11 @@ def respond(
     full: bool = True,
     every_step: bool = False,
 ) -> Response:
-    """Return the whole response in joint coordinates; see :func:`simulate`.
+    """Return the whole response in joint coordinates, by the arguments of :func:`simulate`; ``full`` keeps v, a and d.
 
-    Effects that are no function of position, or of speed and direction, are evaluated on the response
-    of a first pass and given to the next as an external effort, until they no longer change.
-
-    Args:
-        twin: the machine, with its loops.
-        log: the command, or a motion that has one.
-        step: longest internal step [s].
-        controller: see :func:`simulate`.
-        full: also keep v, a and d (else they have no rows).
-        every_step: return one row an internal step instead of one a sample.
+    Effects that are no function of position, or of speed and direction, are evaluated on the response of a first pass
+    and given to the next as an external effort, until they no longer change. ``step`` is the longest internal one [s];
+    ``every_step`` returns one row an internal step.
     """
     if step is not None and not step > 0.0:
         raise InputError(f"step: {step} s must be positive")
@@ -197,8 +188,7 @@ def _closed(twin: Twin, form: Loops) -> tuple[dict[str, Any], tuple[str, ...]]:
 def _repeat(run: _Run, out: Response, passes: int = 40) -> tuple[Response, tuple[str, ...]]:
     """Run again with the effects that have no table, until their effort stays the same, to a thousandth of its RMS.
 
-    The next effort is the combination of the last ones whose change would be least (Anderson 1965,
-    10.1145/321296.321305): a plain repetition diverges for a drive that twists, whose load rings in the loop.
+    The last efforts are combined (Anderson 1965, 10.1145/321296.321305): a drive that twists diverges otherwise.
     """
     twin, other, change = run.twin, run.plant.other, np.inf
     extra = np.zeros(out.q.shape)

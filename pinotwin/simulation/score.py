@@ -10,17 +10,14 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.signals import rms
 
-STILL = 1e-9
-"""Command between two rows, as a share of its travel, that counts as standing."""
+STILL = 1e-9  # Command between two rows, as a share of its travel, that counts as standing
 
 
 def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, dict[str, float]]]:
     """Return the errors of a prediction, axis -> ``e`` and ``u`` -> rms, nrmse, nrmse_std, moving, resting.
 
-    ``nrmse`` is over the RMS of what was measured, as in the thesis, ``nrmse_std`` over its standard
-    deviation; ``moving`` and ``resting`` are the errors of the rows whose command moves and stands, over
-    the same RMS of all rows: at rest friction holds any effort up to its level. Signals that the log does
-    not hold are left out, rows that are not numbers too.
+    ``nrmse`` is over the RMS of what was measured, ``nrmse_std`` over its standard deviation, ``moving`` and
+    ``resting`` of the rows whose command moves and stands over that RMS. Rows that are not numbers are left out.
     """
     log = bound(machine, log)
     out: dict[str, dict[str, dict[str, float]]] = {}

@@ -1,17 +1,13 @@
-"""Effects as tables that a compiled loop can look up, made by evaluating the effects themselves.
-
-A simulation needs the effort of one sample at a time; an effect gives columns for a whole motion.
-What an effect says of itself (``Effect.depends``) tells how to tabulate it:
+"""Effects as tables that a compiled loop can look up, made by evaluating the effects as ``Effect.depends`` says.
 
     position       tau = f(q):            one dense table over the travel, linear in between
     velocity       tau = f(v):            a table over |v| for each sign of v
     direction      tau = d+ g+(|v|) + d- g-(|v|),   d the direction with memory
     displacement   tau = z g(|v|) + m (y - z) + d y',   z the mean of the slip elements, y the bristle
 
-The knots over |v| lie at v_max (k / n)², so that a Stribeck speed of 0.1 % of v_max is still well
-resolved. A motor that turns two joints (:class:`Paired`) has friction in the sum of their
-speeds. What fits none of these forms is returned as ``other``; a wrong effort channel and what the
-controller does are no part of the plant.
+The knots over |v| lie at v_max (k / n)², to resolve a Stribeck speed of 0.1 % of v_max. A motor that turns two joints
+(:class:`Paired`) has friction in the sum of their speeds. What fits none of these forms is returned as ``other``; a
+wrong effort channel and what the controller does are no part of the plant.
 """
 
 from __future__ import annotations
@@ -34,10 +30,8 @@ from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
 
 S = TypeVar("S")
-SPEEDS = 1024
-"""Intervals of a table over speed."""
-_FINE = 2e-5
-"""A position table is refined until its midpoints are off by less than this share of its range."""
+SPEEDS = 1024  # Intervals of a table over speed
+_FINE = 2e-5  # A position table is refined until its midpoints are off by less than this share of its range
 _MOST = 1 << 18
 
 

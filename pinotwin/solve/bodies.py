@@ -3,10 +3,9 @@ r"""Least squares whose inertias stay near those of the URDF, and so are those o
     minimise  1/2 |R theta - z|^2 + g sum_i [ 1/2 tr((J0_i^-1 J_i)^2) - log det(J0_i^-1 J_i) ],   theta = (P pi, phi)
 
 J is a body's pseudo-inertia, J0 the URDF's. The bracket is the log-det divergence (Lee, Wensing & Park 2020,
-doi:10.1109/TRO.2019.2958219) plus its own second-order form, whose linear terms cancel. The sum is convex and its own
-barrier: a damped Newton method never leaves the cone. Each of its steps is a least-squares problem, solved by QR, for a
-log may weigh 1e10 times what the URDF does; rotor inertias stay positive in it (Lawson and Hanson), and coefficients
-that would leave their bounds end there.
+doi:10.1109/TRO.2019.2958219) plus its own second-order form, whose linear terms cancel: convex and its own barrier. A
+damped Newton step is a least-squares problem by QR, for a log may weigh 1e10 times the URDF; rotor inertias stay
+positive in it (Lawson and Hanson), and coefficients that would leave their bounds end there.
 
     F dx = -c,   F = [A; sqrt(g) J0^-1/2 E J0^-1/2; sqrt(g) J^-1/2 E J^-1/2],   E = dJ / dpi
 """
@@ -24,12 +23,10 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.pseudoinertia import BASIS, pseudo_inertia
 from pinotwin.solve.tsqr import r_factor
 
-HOLD = 1e-6
-"""Share of the data's information that holds a coefficient where nothing else tells it."""
+HOLD = 1e-6  # Share of the data's information that holds a coefficient where nothing else tells it
 SETTLED, SHORT = 1e-8, 1e-10
 """Gain [squared standard deviations] and length of a Newton step from which the search has ended."""
-SEEN = 1e-9
-"""Length of a column, over the longest of its kind, from which the data see it."""
+SEEN = 1e-9  # Length of a column, over the longest of its kind, from which the data see it
 TRIANGLE = np.triu_indices(4)
 TWICE = np.where(TRIANGLE[0] == TRIANGLE[1], 1.0, np.sqrt(2.0))
 

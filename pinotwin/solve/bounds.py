@@ -1,9 +1,7 @@
-"""Least squares under bounds on the coefficients, on the small factor.
+"""Least squares under bounds: minimise || R theta - z ||^2 subject to lower <= theta <= upper, on the small factor.
 
-    minimise || R theta - z ||^2   subject to   lower <= theta <= upper
-
-An active-set method (Stark & Parker 1995, `scipy.optimize.lsq_linear`, BVLS) on scaled columns. The
-directions that the data leave open are held at the prior by weak extra rows.
+An active-set method (Stark & Parker 1995, `scipy.optimize.lsq_linear`, BVLS) on scaled columns. The directions that
+the data leave open are held at the prior by weak extra rows.
 """
 
 from __future__ import annotations
@@ -52,7 +50,7 @@ def active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     """Return the bounded solution; none of the columns is fixed.
 
     A column that the data leave open and whose prior is its bound ends a rounding beyond it: scipy's BVLS then divides
-    by the zero that is left of its step. Lawson and Hanson's active set, for bounds from below, has no such step.
+    by zero. Lawson and Hanson's active set, for bounds from below, does not.
     """
     try:
         with np.errstate(divide="raise", invalid="raise"):

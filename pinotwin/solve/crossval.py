@@ -1,8 +1,7 @@
 """Prediction error on data that were not fitted: stretches of time, with a guard gap beside them.
 
-Neighbouring residuals are alike, so random folds would let the fit see its own test. Each fold here
-is one stretch of time, and ``guard`` slots on both sides of it are used neither to fit nor to test.
-Every piece of rows is reduced once to its R factor, so that all folds cost about one fit.
+Neighbouring residuals are alike, so random folds would let the fit see its own test. Every piece of rows is reduced
+once to its R factor, so that all folds cost about one fit.
 """
 
 from __future__ import annotations
@@ -69,10 +68,8 @@ def held_out(
     """Predict each of ``folds`` stretches of time from the others, ``guard`` slots (a twentieth) apart.
 
     ``edges`` are where other stretches, such as whole logs, begin and end, shape (folds + 1,); they need no guard.
-    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them.
-
-    Raises:
-        DataError: fewer instants than two per fold.
+    Shapes stay as found, noise levels are those of a fit of all rows where options do not say them. DataError for
+    fewer instants than two per fold.
     """
     options = options or Options()
     order, times = fold_order(problem)

@@ -1,7 +1,4 @@
-"""The one bounded search for a least sum of squares whose residuals and slopes come out of one evaluation.
-
-The trust-region reflective method (Branch, Coleman and Li 1999, doi:10.1137/S1064827595289108), as scipy has it.
-"""
+"""The bounded least-squares search: trust-region reflective (Branch, Coleman, Li 1999, 10.1137/S1064827595289108)."""
 
 from __future__ import annotations
 
@@ -14,8 +11,7 @@ import scipy
 
 from pinotwin.arrays import Floats
 
-Evaluate = Callable[[Floats], tuple[Floats, Floats]]
-"""From a point (k,) to residual (m,) and Jacobian (m, k)."""
+Evaluate = Callable[[Floats], tuple[Floats, Floats]]  # From a point (k,) to residual (m,) and Jacobian (m, k)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,7 @@
 """By how much a signal comes late for what explains it, and how sure that is.
 
-The signal is shifted sample by sample against a basis of all that may cause it, and the share of its power that
-is left is drawn against the shift: a cross-correlation from which friction, gravity and the like have been taken
-out. A parabola through the lowest three points gives the fraction of a sample; leaving out one block of the log
-after the other (jackknife) gives the standard error.
+The share of its power that is left off a basis of all that may cause it (friction, gravity) is drawn against the
+shift; a parabola through the lowest three points gives the fraction of a sample, a jackknife its standard error.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 
     minimise  sum over axes of || y_i - W_i theta ||^2 / sigma_i^2
 
-The noise level of each axis is found with theta: ordinary least squares first, then weights from
-the residuals, until both rest (iterated generalised least squares; Gautier 1997 weights robots so).
-Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iterations cost nothing.
+Weights follow from the residuals of each axis until both rest (iterated generalised least squares, Gautier 1997), on
+the R factor of ``[W_i y_i]``, so that the iterations cost nothing.
 """
 
 from __future__ import annotations
@@ -28,10 +27,7 @@ from pinotwin.solve.tsqr import r_factor
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before the data, e.g. the CAD values; it fills what the data leave open.
-
-    Of several equally good theta it takes the nearest, in units of ``std``.
-    """
+    """What is believed before the data; of several equally good theta the nearest to it, in ``std``, is taken."""
 
     mean: Floats  # shape (p,)
     std: Floats | None = None  # how far off each may be, shape (p,); None takes the inverse column length
@@ -39,11 +35,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class Options:
-    """How :func:`linear` solves.
-
-    A ridge keeps coefficients with hardly any data (the edge knots of a table) from running away, but never makes
-    one count as determined.
-    """
+    """How :func:`linear` solves; a ridge keeps knots with hardly any data from running away, but determines none."""
 
     prior: Prior | None = None  # see :class:`Prior`; None is zero
     ridge: Floats | None = None  # how near the prior mean it is believed, shape (p,), inf for none
@@ -125,11 +117,7 @@ def merged(pieces: Sequence[Reduced]) -> Reduced:
 
 
 def linear(problem: Problem, options: Options | None = None) -> LinearFit:
-    """Fit a linear problem.
-
-    Raises:
-        DataError: fewer rows than parameters.
-    """
+    """Fit a linear problem; DataError for fewer rows than parameters."""
     options = options or Options()
     found = solve(reduce(problem), options)
     seen, (factor, right) = found.seen, found.held

@@ -1,12 +1,9 @@
-"""The joint refinement of all shapes by variable projection.
+"""The joint refinement of all shapes by variable projection, || P(x) y ||^2, P(x) = projector off the columns W(x).
 
-    minimise over x  || P(x) y ||^2,   P(x) = projector off the columns W(x)
-
-with Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
-doi:10.1088/0266-5611/19/2/201), in the small coordinates of :mod:`pinotwin.solve.projection`, by the
-bounded trust-region method of `scipy.optimize.least_squares`. That takes the curvature from the Jacobian alone, which
-is wrong by what the residual bends: where the model leaves much (a ripple's pitch beside a flexible frame), its steps
-overshoot to and fro, and the gradient, which is exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
+With Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
+doi:10.1088/0266-5611/19/2/201) by `scipy.optimize.least_squares`, whose curvature is wrong by what the residual bends:
+where the model leaves much (a ripple's pitch beside a flexible frame), its steps overshoot to and fro, and the
+gradient, which is exact, leads a quasi-Newton search (L-BFGS-B) to the optimum.
 """
 
 from __future__ import annotations
@@ -23,10 +20,8 @@ from pinotwin.solve.projection import Projection, Span
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.tsqr import r_factor
 
-GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40
-"""Most evaluations of the first and of both searches."""
-CLOSE = 1e-9
-"""Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows."""
+GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40  # Most evaluations of the first and of both searches
+CLOSE = 1e-9  # Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows
 
 
 @dataclass(frozen=True)

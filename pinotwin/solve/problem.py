@@ -2,10 +2,8 @@
 
     y[r] = W[r] @ theta + e[r],    row r = (axis, block, time)
 
-Keeping the axis lets every axis have its own noise level; keeping the time lets the covariance
-respect that neighbouring residuals are alike. A *block* is a stretch of one log: no correlation is
-looked for across blocks, while rows missing inside a block (thrown out by data selection) only
-leave a hole in its time axis.
+Every axis so has its own noise level, and the covariance respects that neighbouring residuals are alike: within a
+*block*, a stretch of one log, whose missing rows leave a hole in its time axis.
 """
 
 from __future__ import annotations

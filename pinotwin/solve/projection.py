@@ -1,9 +1,7 @@
 """Tall columns as small ones: every axis' rows reduced to coordinates that keep all lengths.
 
-The fixed columns and the effort of an axis span a space of a few dozen directions, found once by a
-QR factorisation. Columns that move are split into their part in this space and the R factor of the
-rest. Sums of squares over thousands of rows are then sums over a few dozen: one evaluation of a
-variable projection costs a handful of thin products instead of a factorisation of the whole log.
+A QR factorisation finds the few dozen directions of an axis' fixed columns and effort; columns that move are split
+into their part in it and the R factor of the rest. An evaluation of a variable projection is a few thin products.
 """
 
 from __future__ import annotations
@@ -20,8 +18,7 @@ from pinotwin.solve.linear import Reduced
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
 
-RANK = 1e-12
-"""Directions shorter than this, relative to the longest scaled one, are dropped."""
+RANK = 1e-12  # Directions shorter than this, relative to the longest scaled one, are dropped
 
 
 @dataclass(frozen=True)
@@ -111,10 +108,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Projection:
-    """A problem with moving blocks, its fixed columns projected once.
-
-    All columns are numbered: the fixed ones, the effort, then those of each moving block in turn.
-    """
+    """A problem with moving blocks, its fixed columns projected once: columns are fixed, effort, block by block."""
 
     parts: tuple[slice, ...]  # rows of each axis
     spans: tuple[Span, ...]  # per axis, the span of fixed columns and effort

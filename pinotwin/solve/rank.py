@@ -1,11 +1,8 @@
 """Which directions of theta the data determine, and what to do about the others.
 
-Columns are scaled to unit length, then a pivoted QR of the R factor splits the parameters' space
-into what the data see and a null space (Golub & Van Loan 2013, section 5.4). In the null space
-theta stays at the prior: of all theta that fit equally well the one nearest the prior is taken,
-measured in units of the prior's standard deviation. A parameter is determined when the null space
-has no component along it; parameters tied together by the null space form a group that these data
-cannot distinguish.
+A pivoted QR of the scaled R factor splits the parameters' space into what the data see and a null space (Golub & Van
+Loan 2013, section 5.4), where theta stays nearest the prior, in units of its standard deviation. A parameter without a
+component there is determined; those that it ties together form a group that these data cannot distinguish.
 """
 
 from __future__ import annotations
@@ -18,10 +15,8 @@ import scipy
 
 from pinotwin.arrays import Floats, Mask
 
-EMPTY = 1e-13
-"""A column shorter than this times the longest one is taken as empty."""
-LINKED = 1e-6
-"""Entries of the null space's projector above this tie two parameters together."""
+EMPTY = 1e-13  # A column shorter than this times the longest one is taken as empty
+LINKED = 1e-6  # Entries of the null space's projector above this tie two parameters together
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +76,7 @@ class Rank:
 def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
     """Split the parameters' space of a factor R (k, p), by the smallest pivot relative to the largest.
 
-    ``scale`` is the length that counts as one unit of each parameter, the inverse column length where not
-    given.
+    ``scale`` is the length that counts as one unit of each parameter, the inverse column length where not given.
     """
     p = R.shape[1]
     length = np.linalg.norm(R, axis=0)

@@ -16,9 +16,8 @@ from pinotwin.solve.problem import Problem
 class LinearFit:
     """The result of :func:`pinotwin.solve.linear`; it keeps its problem.
 
-    In directions that the data leave open the covariance is zero (theta stays at the prior there), so it holds for
-    every combination that the data determine; :attr:`standard_errors` says infinity for each parameter that is not
-    determined.
+    In open directions theta stays at the prior with zero covariance, so that it holds for every combination that the
+    data determine; :attr:`standard_errors` says infinity for each parameter that is not determined.
     """
 
     problem: Problem  # the rows that were fitted
@@ -92,10 +91,7 @@ class ShapeFit:
 
 @dataclass(frozen=True)
 class SeparableFit:
-    """A linear fit at the shapes found (fixed columns first, then block by block), and every shape.
-
-    Its covariance includes the uncertainty of the shapes.
-    """
+    """A linear fit at the shapes found (fixed columns, then blocks); its covariance holds the shapes' uncertainty."""
 
     fit: LinearFit
     shapes: tuple[ShapeFit, ...]

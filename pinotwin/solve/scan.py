@@ -1,11 +1,8 @@
 """Search of one moving block with everything else projected out.
 
-For a candidate C of the block's columns the drop of the weighted sum of squares is
-
-    gain = g' G^-1 g,   g = C' P r,   G = C' P C
-
-with P the projector off all other columns and r the residual they leave. It costs one thin product
-per candidate, so the block's whole grid is scanned, the best basins are kept, and each is refined.
+For a candidate C of the block's columns the drop of the weighted sum of squares is g' G^-1 g, g = C' P r, G = C' P C,
+with P the projector off all other columns and r the residual they leave: one thin product each, so that the block's
+whole grid is scanned, the best basins are kept, and each is refined.
 """
 
 from __future__ import annotations
@@ -88,9 +85,9 @@ class Scan:
         return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
 
     def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
-        """Return the best basins of the block, best first, searched between the grid's values too if ``refine``.
+        """Return the best basins at ``start``, shape (s,), best first; also between the grid's values if ``refine``.
 
-        The longest grid is scanned first, others at ``start`` (s,), then each further shape from every basin kept.
+        The longest grid is scanned first, then each further shape from every basin kept.
         """
         grids = self.block.grids
         kept = [Basin(start, self.gain(start))]

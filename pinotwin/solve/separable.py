@@ -2,12 +2,9 @@
 
     y = W0 theta0 + sum over blocks of C_b(shape_b) theta_b + e
 
-For given shapes all coefficients follow by linear least squares, so only the shapes are searched,
-and never all at once: each block is scanned over its own grid with everything else projected out,
-the strongest block first, then all again with the others at their new values. The best basins of
-every block are refined, and a bounded Gauss-Newton search polishes all shapes together. The
-covariance comes from the full Jacobian at the optimum, so it says how the shapes' uncertainty
-widens that of theta.
+Each block is scanned over its own grid with everything else projected out, the strongest first, then all again with
+the others at their new values; the best basins are refined, and a bounded Gauss-Newton search polishes all shapes
+together. The covariance comes from the full Jacobian, so that the shapes' uncertainty widens that of theta.
 """
 
 from __future__ import annotations
@@ -37,10 +34,7 @@ def separable(
     options: Options | None = None,
     known: Mapping[int, Floats] | None = None,
 ) -> SeparableFit:
-    """Fit fixed columns and moving blocks together; blocks at ``known`` shape values are polished, not scanned.
-
-    Prior and bounds of the options cover the fixed coefficients first, then those of each block in turn.
-    """
+    """Fit fixed columns, then moving blocks, in the order of prior and bounds; ``known`` shapes are only polished."""
     options = options or Options()
     if not moving:
         fit = linear(problem, options)

@@ -1,9 +1,7 @@
-"""The R factor of a tall matrix, block by block: cost linear in rows, memory that of one block.
+"""The R factor of a tall matrix, block by block: [A1; A2; ...] = Q R, R = qr([qr(A1).R; qr(A2).R; ...]).R.
 
-    [A1; A2; ...] = Q R,   R = qr([qr(A1).R; qr(A2).R; ...]).R
-
-Demmel, Grigori, Hoemmen & Langou 2012, doi:10.1137/080731992. Everything that least squares needs
-of a log is in the R factor of ``[W y]``; forming W'W instead would square the condition number.
+Demmel, Grigori, Hoemmen & Langou 2012, doi:10.1137/080731992. It is all that least squares needs of ``[W y]``; W'W
+would square the condition number.
 """
 
 from __future__ import annotations
@@ -12,8 +10,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 
-BLOCK = 1000
-"""Rows per block: small enough for the cache, large enough for the call."""
+BLOCK = 1000  # Rows per block: small enough for the cache, large enough for the call
 
 
 def r_factor(A: Floats, block: int = BLOCK) -> Floats:

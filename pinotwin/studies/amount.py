@@ -27,14 +27,10 @@ def error_against_data(
     keep_back: float = 0.3,
     guard: float = 0.02,
 ) -> Study:
-    """Identify a machine from ever more of a log, and judge each fit on its end, which none saw.
+    """Identify a machine from ever more of a log; judge each fit on its end, which none saw; DataError if too short.
 
-    Every fit is a whole one: shapes are searched and coefficients solved from those data alone. The error is
-    ||u - u_hat|| / ||u|| of all axes together; a row of the table is the length of the data [s], the error on them
-    and the held-out one. The course of an axis is its held-out error, NaN where it does not move, shape (rows,).
-
-    Raises:
-        DataError: the log is too short for that.
+    Every fit is a whole one. The error is ||u - u_hat|| / ||u|| of all axes; a row of the table is the length of the
+    data [s], the error on them and the held-out one. An axis' course is the latter, NaN where it stands, shape (rows,).
     """
     if not 0.0 < keep_back < 0.9:
         raise DataError(f"keep_back is a share of the log between 0 and 0.9, not {keep_back:g}")

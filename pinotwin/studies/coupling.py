@@ -1,9 +1,7 @@
 """What coupling between axes is worth: one model of the machine against one per axis (Fig. 3-7).
 
-The decoupled model is the same machine, each axis on its own: its inertia and its gravity as if
-the other axes stood still where they are on average, and its own effects. It has no term in which
-another axis' motion appears. Shapes are those of the coupled fit in both, so that nothing else
-differs.
+The decoupled model has each axis on its own: inertia and gravity as if the others stood still where they are on
+average, its own effects at the shapes of the coupled fit, and no term of another axis' motion.
 """
 
 from __future__ import annotations
@@ -45,14 +43,11 @@ def coupled_against_decoupled(
     axes: Sequence[str] = (),
     decimate: int | None = None,
 ) -> Study:
-    """Fit a machine with and without the coupling between its axes; compare on held-out data.
+    """Fit a machine with and without the coupling between its axes; DataError where the log holds too little.
 
     A row of the table has an axis' held-out errors of both models, over the RMS of its effort and over its standard
-    deviation. The courses are of the axis that needs coupling most, each of shape (m,): ``t``, and the measured
-    effort ``u`` beside what the ``coupled`` and the ``decoupled`` model expect of rows that they did not see.
-
-    Raises:
-        DataError: the log holds too little.
+    deviation. The courses are of the axis that needs coupling most, (m,): ``t``, the measured effort ``u``, and what
+    the ``coupled`` and the ``decoupled`` model expect of rows that they did not see.
     """
     motion = prepare(machine, log, decimate=decimate)
     plant = fit_plant(machine, motion)

@@ -1,8 +1,4 @@
-"""A log beside the twin's prediction of it: what every study and every report looks at.
-
-The rows are those of the fit (the same zero-phase filter, the same decimation), so that measured
-and predicted effort went through the same hands.
-"""
+"""A log beside the twin's prediction of it, through the same filter and decimation as the rows of the fit."""
 
 from __future__ import annotations
 
@@ -55,11 +51,7 @@ class Evidence:
         return self.residual + np.sum(kept, axis=0)
 
     def index(self, axis: str) -> int:
-        """Return the column of a measured axis.
-
-        Raises:
-            DataError: there is no such axis, or it has no effort.
-        """
+        """Return the column of a measured axis; DataError if there is none, or it has no effort."""
         known = [self.names[j] for j in self.measured]
         if axis not in known:
             raise DataError(f"{self.source}: no measured effort of axis {axis!r}; {nearest(axis, known)}")
@@ -67,12 +59,7 @@ class Evidence:
 
 
 def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
-    """Return a log (or several of one machine), or a motion made of them, beside the twin's prediction.
-
-    Raises:
-        LogError: a channel is missing.
-        DataError: no row of the log can be used.
-    """
+    """Return log(s), or a motion, beside the twin's prediction; LogError for channels, DataError for no usable row."""
     motion = given if isinstance(given, Motion) else prepare(twin.machine, given, **twin.settings)
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
@@ -108,10 +95,7 @@ def _running(t: Floats, block: Ints, step: float) -> Floats:
 
 
 def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
-    """Return the evidence with ``rigid_body`` as ``inertia``, ``gravity`` and ``coupling``.
-
-    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' and all velocities add.
-    """
+    """Return the evidence with ``rigid_body`` as own ``inertia``, ``gravity``, and ``coupling`` with all velocities."""
     q, v, a = given.q, given.v, given.a
     zero = np.zeros_like(q)
     gravity = twin.rigid_effort(q, zero, zero)

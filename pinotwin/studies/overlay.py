@@ -1,7 +1,6 @@
 """One effect: laid over the data it was found in (thesis Fig. 3-9, 3-10, 4-10, 4-11), and left out (Fig. 3-8).
 
-The *extracted data* are the measured effort minus every other effect of the twin. If the effect is
-true, they fall on its curve; what scatters about it is the residual.
+The *extracted data* are the measured effort minus every other effect: those of a true effect fall on its curve.
 """
 
 from __future__ import annotations
@@ -44,14 +43,10 @@ KINDS: dict[str, tuple[tuple[str, ...], Against]] = {
 def overlay(
     twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str, names: Sequence[str], against: Against
 ) -> Study:
-    """Return the effects of some names on one axis over the data extracted for them.
+    """Return named effects on one axis over the data extracted for them; DataError for no such effect or effort.
 
     The rows are the extracted data in bins. The courses are the abscissa ``x`` [SI], the ``extracted`` data and the
-    ``fitted`` curve at the same rows [N or N·m], each of shape (m,), and where the curve is drawn, ``grid`` and
-    ``curve``, shape (g,).
-
-    Raises:
-        DataError: the axis has no such effect, or no measured effort.
+    ``fitted`` curve [N or N·m], each of shape (m,), and where the curve is drawn, ``grid`` and ``curve``, shape (g,).
     """
     given = log if isinstance(log, Evidence) else evidence(twin, log)
     j = given.index(axis)
@@ -89,14 +84,11 @@ def explained(extracted: Floats, fitted: Floats) -> float:
 def with_and_without(
     twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str, names: Sequence[str] = RIPPLE
 ) -> Study:
-    """Return the effort of an axis predicted with and without each of some effects, by default its ripple (Fig. 3-8).
+    """Return an axis' effort predicted with and without each effect (Fig. 3-8); DataError for no such effect or effort.
 
-    An effect is left out of the prediction; the others keep the coefficients that they have beside it. A row of the
-    table has the RMS error with and without an effect. The courses are of the effect that matters most, each of shape
-    (m,): ``t`` and the effort ``measured``, predicted with all effects (``complete``) and ``without`` it.
-
-    Raises:
-        DataError: the axis has no such effect, or no measured effort.
+    The others keep the coefficients that they have beside it. A row of the table has the RMS error with and without.
+    The courses are of the effect that matters most, each of shape (m,): ``t`` and the effort ``measured``, predicted
+    with all effects (``complete``) and ``without`` it.
     """
     given = log if isinstance(log, Evidence) else evidence(twin, log)
     j = given.index(axis)

@@ -1,8 +1,7 @@
-"""A twin on disk: ``twin.json`` (versioned), the identified URDF, the machine it belongs to, and what is large.
+"""A twin on disk: the machine it belongs to, the identified URDF, and what a person reads in ``twin.json`` (versioned).
 
-The covariance of the coefficients is in ``covariance.npz`` (array ``lower``: the lower triangle, row by row) with the
-moments of the rows, what the twin keeps of its own logs in ``misfit.npz``; in ``twin.json`` are the numbers that a
-person reads.
+``covariance.npz`` (array ``lower``: the lower triangle, row by row) holds the covariance of the coefficients and the
+moments of the rows, ``misfit.npz`` what the twin keeps of its own logs.
 """
 
 from __future__ import annotations
@@ -71,8 +70,7 @@ class _Document(TypedDict):
 def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
     """Write a twin into a folder that is there; return what twin.json holds, digests included.
 
-    Where a fit that was free to do so found inertias that a URDF cannot hold, the URDF keeps those of the description;
-    what was found is in twin.json.
+    Inertias that a URDF cannot hold, of a fit that was free, are in twin.json alone: the URDF keeps its own.
     """
     name = f"{twin.machine.name}.urdf"
     model = twin.machine.model if no_urdf_holds(twin.model) else twin.model

@@ -1,8 +1,6 @@
-"""What a twin leaves of its own logs: the floor under every later comparison.
+"""What a twin leaves of its own logs, predicted part by part from the others (blocked cross-validation).
 
-A model of a real machine is never exact. What it leaves on the logs it was identified from, predicted
-from the other parts of them (blocked cross-validation), is noise *and* everything it never had. A later
-log differs only by what exceeds that, and a cause is new only by what exceeds what the own logs ask for.
+That is noise *and* everything the model never had: the floor. A later log differs only by what exceeds it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """What a twin keeps of all rows that it was fitted to: enough to add more logs without the rows themselves.
 
-For least squares at given shapes the triangular factor R of ``[W y]`` is all that there is in the rows of a log and a
-joint (:mod:`pinotwin.solve.tsqr`), and the covariance of the summed scores all that standard errors take.
+The factor R of ``[W y]`` of a log and a joint (:mod:`pinotwin.solve.tsqr`), and the covariance of the summed scores.
 """
 
 from __future__ import annotations

@@ -192,8 +192,7 @@ class Twin(OpenLoop, Drawn):
         return load(as_path(folder, "folder"))
 
 
-TwinLike = Twin | str | Path
-"""A twin, or the folder that `pinotwin identify` wrote."""
+TwinLike = Twin | str | Path  # A twin, or the folder that `pinotwin identify` wrote
 
 
 def as_twin(given: Any, name: str = "twin") -> Twin:

@@ -1,7 +1,6 @@
-"""The triangles of a shape with their colours, read here: a primitive, or a mesh file of any kind that trimesh reads.
+"""The triangles of a shape with their colours: a primitive, or a mesh file of any kind that trimesh reads.
 
-A file is a scene: several bodies, each placed by its node, each of one material. As in Pinocchio and RViz,
-a COLLADA file's unit is honoured and its ``up_axis`` is not; a URDF's material goes before the file's own.
+As in Pinocchio and RViz, a COLLADA file's unit counts and its ``up_axis`` does not; a URDF's material goes first.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
-"""A meshcat window that writes its scene down instead of sending it to a browser.
+"""A meshcat window that writes its scene down instead of sending it to a browser: no server, port or child process.
 
-``meshcat.Visualizer(window=Page())`` draws without a server, a port or a child process. What was
-drawn becomes part of one self-contained HTML page (meshcat's own script inside, no network). The
-commands run in their order; meshcat's own static page fetches each one by itself, so that they may
-overtake each other.
+The page is self-contained. Commands run in their order; on meshcat's own static page they may overtake each other.
 """
 
 from __future__ import annotations

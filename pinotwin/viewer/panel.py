@@ -1,7 +1,6 @@
 """One page of our own around meshcat: sliders with limits, names and legend, time with linked plots.
 
-The picture is meshcat's; what moves in it is computed in the page from the tree that is written here, so
-that a slider needs no server. Nothing is loaded from elsewhere, and two runs write the same bytes.
+What moves is computed in the page: a slider needs no server. Nothing is loaded, and two runs write the same bytes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A log or a simulation as a recording for the Rerun viewer: the machine moving, its signals over the same time.
-
-Rerun (rerun.io) is not installed with pinotwin; ``pip install rerun-sdk`` brings it.
-"""
+"""A log or a simulation as a recording for the Rerun viewer (rerun.io; ``pip install rerun-sdk``)."""
 
 from __future__ import annotations
 
@@ -28,11 +25,7 @@ SIGNALS = {"e": ("tracking error", "m", "rad"), "u": ("effort", "N", "N·m")}
 
 
 def check_recording(path: str | Path) -> None:
-    """Refuse a recording under another suffix, or where Rerun is not installed.
-
-    Raises:
-        InputError: either.
-    """
+    """Refuse a recording under another suffix, or where Rerun is not installed, by an InputError."""
     if Path(path).suffix != ".rrd":
         raise InputError(f"--rrd: {Path(path).name}: a recording for Rerun is written as .rrd")
     if importlib.util.find_spec("rerun") is None:
@@ -40,11 +33,7 @@ def check_recording(path: str | Path) -> None:
 
 
 def write_recording(path: str | Path, machine: Machine, log: Log, predicted: Log | None = None) -> str:
-    """Write a ``.rrd`` with the predicted motion, or the measured one, and all signals; return how to see it.
-
-    Raises:
-        InputError: Rerun is not installed, or the file is no ``.rrd``.
-    """
+    """Write a ``.rrd`` of the predicted motion, or the measured one, and all signals; return how to see it."""
     check_recording(path)
     import rerun as rr
 

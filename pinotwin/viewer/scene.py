@@ -1,8 +1,4 @@
-"""A machine drawn at a posture: its shapes, and on request its joint frames and centres of mass.
-
-Shapes hang below one node per joint: a posture, a frame of a playback or a colour touches one node, and
-what is fixed to it follows.
-"""
+"""A machine drawn at a posture, by a node per joint: shapes, and on request its joint frames and centres of mass."""
 
 from __future__ import annotations
 
@@ -58,8 +54,7 @@ def visual_model(
 ) -> pin.GeometryModel:
     """Return the shapes of a URDF for a model that was built from it (or reduced from that), links found by name.
 
-    Meshes are looked for in the folders first. Joints and lines stand for missing ones, see :func:`missing_meshes`:
-    a picture is worth less than the result it belongs to.
+    Joints and lines stand for missing meshes (:func:`missing_meshes`), which are looked for in the folders first.
     """
     text, missing = without_missing_meshes(Path(urdf_path), [Path(folder) for folder in meshes])
     try:
@@ -210,11 +205,7 @@ def _overlay(colour: int, opacity: float) -> mg.Material:
 
 
 def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:
-    """Return the scene with joint name -> red, green, blue, opacity, each 0 to 1, of some shapes.
-
-    Raises:
-        InputError: there is no such joint.
-    """
+    """Return the scene with shapes in red, green, blue, opacity (0 to 1) by joint; InputError for an unknown one."""
     painted = replace(drawn, page=drawn.page.copy())
     for name, value in rgba.items():
         if not drawn.model.existJointName(name):

@@ -165,12 +165,7 @@ _ANGLES = ("rad", "mrad", "urad", "deg", "°", "mdeg", "arcmin", "arcsec", "rev"
 def parse_posture(text: str, rotary: Mapping[str, bool]) -> dict[str, float]:
     """Return the posture that a text like ``Y=0.1,A=30deg`` means, in m and rad; a bare number is SI.
 
-    Args:
-        text: ``axis=value`` pairs between commas; the value may carry a unit of its kind.
-        rotary: the axes that exist, and whether each turns.
-
-    Raises:
-        InputError: an axis, a number or a unit is not understood; the message says which.
+    ``rotary`` says of every axis whether it turns; InputError for an axis, a number or a unit not understood.
     """
     posture: dict[str, float] = {}
     for item in filter(None, (part.strip() for part in text.split(","))):

@@ -1,7 +1,6 @@
 """Light, background, floor and camera: what surrounds a machine so that it can be seen whole.
 
-The camera looks from the front right, a little from above, and stands just far enough that every
-corner of the geometry's bounding boxes lies inside the picture.
+The camera, front right and a little above, stands just far enough for every corner of the bounding boxes.
 """
 
 from __future__ import annotations

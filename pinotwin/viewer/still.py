@@ -1,7 +1,6 @@
-"""A still picture of a machine, drawn without a browser: for pages that are printed or read on a phone.
+"""A still picture of a machine, drawn without a browser by a depth buffer, for pages that are printed or on a phone.
 
-Triangles are drawn into a depth buffer from where the viewer's camera stands; edges are darkened where
-the body or the direction of the surface changes, as in a technical drawing.
+Edges are darkened where the body or the direction of the surface changes, as in a technical drawing.
 """
 
 from __future__ import annotations

@@ -21,19 +21,16 @@ SAME = {"joint_flexibility": "drive_flexibility"}
 """Effects whose columns are those of another one: not tried where that is."""
 
 
-BESIDE = {"viscous_thermal": ("viscous",)}
-"""Effects that are tried together with what they change."""
+BESIDE = {"viscous_thermal": ("viscous",)}  # Effects that are tried together with what they change
 
-SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}
-"""Effects that are no more than others together."""
+SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}  # Effects that are no more than others together
 
 
 def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Iterator[Effect]:
-    """Yield every effect worth trying on every axis.
+    """Yield every effect of the plant worth trying on every axis; a body at the last link first.
 
-    Effects of the controller are not among them: they leave the plant as it is. A body is tried at the
-    last link first and then at those before it. Friction that a machine lists is not missing in it: its law was
-    fitted to these very logs, and a second one beside it would only be a better form of the first.
+    Friction that a machine lists is not missing in it: its law was fitted to these very logs, and a second one beside
+    it would only be a better form of the first.
     """
     machine, motion = comparison.machine, comparison.new.motion
     tree = Tree(comparison.twin.model, machine.names, machine.rotary)

@@ -1,8 +1,7 @@
 r"""Pushes from outside: stretches of time in which the residual stands away from what it is elsewhere.
 
-An episode has any length and is taken as a constant force; it is found where the squared sum of the
-residual over its length, sum(r)^2 / n, is far beyond what the same search reaches on the twin's own logs.
-A cause that returns with the motion explains other logs as well and is preferred if it closes as much.
+A constant force of any length, found where sum(r)^2 / n is far beyond what the same search reaches on the twin's own
+logs. A cause that returns with the motion explains other logs as well and is preferred if it closes as much.
 """
 
 from __future__ import annotations
@@ -16,10 +15,8 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
 
-WIDTHS = np.geomspace(0.04, 6.0, 15)
-"""Lengths of an episode that are tried [s]."""
-MOST = 40
-"""Most episodes of one axis."""
+WIDTHS = np.geomspace(0.04, 6.0, 15)  # Lengths of an episode that are tried [s]
+MOST = 40  # Most episodes of one axis
 
 
 @dataclass(frozen=True)
@@ -35,27 +32,18 @@ class Episode:
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """The pushes on one axis.
+    """The pushes on one axis."""
 
-    Attributes:
-        joint: its column.
-        episodes: in order of time.
-        gain: squared residual that they close, each half of an episode predicted by the other, floor units.
-        share: the same over the squared residual of the axis.
-        gains: the gain of every block, shape (K,).
-        t: time of every row of the axis [s], shape (m,).
-        rows: which of them lie in an episode, shape (m,).
-        course: what the pushes add to the residual; a strong part of a longer push is an episode within another one,
-            so that it is no sum of the episodes' forces [N or N·m], shape (m,).
-    """
-
-    joint: int
-    episodes: Sequence[Episode]
+    joint: int  # its column
+    episodes: Sequence[Episode]  # in order of time
+    # squared residual that they close, each half of an episode predicted by the other, floor units
     gain: float
-    share: float
-    gains: Floats
-    t: Floats
-    rows: Mask
+    share: float  # the same over the squared residual of the axis
+    gains: Floats  # the gain of every block, shape (K,)
+    t: Floats  # time of every row of the axis [s], shape (m,)
+    rows: Mask  # which of them lie in an episode, shape (m,)
+    # what the pushes add to the residual; a strong part of a longer push is an episode within another one, so
+    # that it is no sum of the episodes' forces [N or N·m], shape (m,)
     course: Floats
 
     @property
@@ -104,14 +92,7 @@ def episodes(
 ) -> Episodes | None:
     """Return the pushes on one axis, None if there are none.
 
-    Args:
-        sample: rows of the logs in question.
-        residual: joint -> residual in units of the floor.
-        own: the same on the twin's own logs, or None.
-        own_sample: rows of those.
-        floor: joint -> unit of the residual.
-        joint: which axis.
-        rules: thresholds.
+    ``residual`` and, on the twin's ``own`` logs, that of ``own_sample`` are by joint in units of the ``floor``.
     """
     r, t, segment = residual[joint], *_time(sample, joint)
     if own is not None and own_sample is not None and joint in own:

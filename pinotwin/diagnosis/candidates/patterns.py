@@ -1,7 +1,6 @@
 """Patterns that no effect of the catalogue has: they compete with the effects and name nothing.
 
-Where one of them closes more than every effect, something is there that follows it, and is said so: an
-effort that swings in time, a ripple that grows with speed, a curve over speed or over position and speed.
+An effort that swings in time, a ripple that grows with speed, a curve over speed or over position and speed.
 """
 
 from __future__ import annotations
@@ -130,8 +129,7 @@ class PositionSpeedCurve(_Curve):
         return self._hats(motion.q) * (np.sign(motion.v) if self.dry else motion.v)[:, None]
 
 
-LOUDEST = 3
-"""Frequencies above those of the grid that are tried: where the spectrum of what is left peaks."""
+LOUDEST = 3  # Frequencies above those of the grid that are tried: where the spectrum of what is left peaks
 PAUSE = 60.0
 """[s] A longer one parts a log as well: a spectrum over the hours between two days' logs would tell no more."""
 

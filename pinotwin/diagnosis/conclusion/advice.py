@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -138,8 +138,7 @@ def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> di
     return out
 
 
-LONGEST = 60.0
-"""Longest that one stroke of an advised motion takes [s]."""
+LONGEST = 60.0  # Longest that one stroke of an advised motion takes [s]
 
 
 def _slow(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
@@ -186,5 +185,3 @@ def _multisine(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
 
 
 MOTIONS = {"slow": _slow, "speeds": _speeds, "multisine": _multisine}
-
-Commands = Mapping[str, Mapping[str, Floats]]

@@ -1,7 +1,6 @@
 """What the named causes close of the gap of every axis, on rows that they were not fitted to.
 
-Each cause is measured beside those that were named before it, as a share of one residual: the whole one of its axis,
-pushes included. So the shares of several causes add up, and a rival's share is of the same residual as the winner's.
+Each is measured beside those named before it, as a share of the whole residual of its axis: shares of causes add up.
 """
 
 from __future__ import annotations
@@ -146,11 +145,7 @@ class Account:
 
 
 def at_one_gap(effects: Sequence[Found], gaps: Mapping[str, Mapping[str, Gap]]) -> list[Found]:
-    """Return effects with every share stated of the gap of its axis and signal.
-
-    What a further part closes of a twist was measured of what the first had left; of a vibration, of its power above
-    the noise.
-    """
+    """Return effects with every share stated of the gap of its axis and signal; a vibration's is above its noise."""
     out = []
     for e in effects:
         row = gaps.get(str(e.axis), {})

@@ -18,17 +18,11 @@ from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.diagnosis.signals.servo import ServoChange
 
-LIKELY = 0.5
-"""Share of the winner's gain from which a rival is worth a line."""
+LIKELY = 0.5  # Share of the winner's gain from which a rival is worth a line
 
 
 def effects_named(account: Account, levels: Mapping[int, float]) -> list[Found]:
-    """Return the effects that a search has found, patterns left out.
-
-    Args:
-        account: of the search.
-        levels: joint -> RMS of its gap [N or N·m].
-    """
+    """Return the effects that a search has found, patterns left out; ``levels``: joint -> RMS of its gap [N or N·m]."""
     return [_named(account, turn, levels) for turn in account.turns]
 
 

@@ -18,11 +18,7 @@ def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
 
 
 def with_open_signals(found: Diagnosis) -> Diagnosis:
-    """Return the diagnosis with every signal left open that its grades call open: no verdict stands beside another.
-
-    The verdict is judged on the efforts and the causes found in them; tracking errors, motor against load and
-    vibrations may be open beside them.
-    """
+    """Return the diagnosis with every signal left open that its grades call open, beside the verdict on the efforts."""
     off = {
         (axis, signal): stays(
             g.after, g.noise, g.expected, g.size if math.isfinite(g.size) else g.rms / g.nrmse

@@ -21,10 +21,9 @@ from pinotwin.signals import joined, rms
 def gap_table(
     c: Comparison, closed: Mapping[int, Closed], noise: Mapping[int, float]
 ) -> dict[str, dict[str, Gap]]:
-    """Return axis -> signal -> gap.
+    """Return axis -> signal -> gap, on the rows in motion of the logs in question.
 
-    ``rms`` is that of ``u - twin.effort`` on the rows in motion of the logs in question; ``after`` is what
-    is left of it once the named causes are modelled, by the share that goes on rows that were not fitted.
+    ``after`` is what is left once the named causes are modelled, by the share that goes on rows that were not fitted.
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
@@ -58,9 +57,8 @@ def _expected(c: Comparison, joint: int) -> tuple[float, float]:
 def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float], str]:
     """Return joint -> RMS of the noise, and where it comes from: ``repeats`` or ``assumed``.
 
-    Two runs of one command differ by noise and by the scatter from run to run; of a single run only the
-    roughness from row to row is known. Noise that is locked to the position is the same in both runs: what is rough in
-    the residual counts in any case. A twin adds what friction scatters from its runs to these.
+    Two runs of one command differ by noise and by the scatter from run to run; of a single run only the roughness from
+    row to row is known, which counts in any case. A twin adds what friction scatters from its runs to these.
     """
     motions = c.motions[: len(c.logs)]
     pairs = list(repeats(motions))

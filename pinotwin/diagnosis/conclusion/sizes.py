@@ -13,15 +13,11 @@ from pinotwin.diagnosis.result import Found, Size
 from pinotwin.effects.position import PositionTable
 from pinotwin.system.phrases import NUMBERS
 
-FEW = 4
-"""So many numbers are shown one by one."""
+FEW = 4  # So many numbers are shown one by one
 
 
 def told(sizes: Sequence[Size]) -> list[Size]:
-    """Return the numbers that a person reads: amplitudes instead of sine and cosine, ends instead of knots, factors.
-
-    The interval of an amplitude is that of its parts, propagated to first order.
-    """
+    """Return what a person reads: amplitudes for sine and cosine (first-order interval), ends of tables, factors."""
     sizes = [_factor(s) if s.name == "effort_scale.share" else s for s in sizes]
     waves = [s for s in sizes if re.fullmatch(r".*\.[ab](\d*|_mod)", s.name)]
     if waves and len(waves) % 2 == 0:

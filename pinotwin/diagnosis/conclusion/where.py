@@ -1,7 +1,6 @@
 """Where the gap lies: share of the squared gap against share of time, in every regime of the motion.
 
-A concentration counts only if it beats what circular shifts of the same gap against the same motion
-reach anywhere (maximum over all regions, so that looking everywhere is paid for).
+A concentration must beat the largest that circular shifts of the gap reach: looking everywhere is paid for.
 """
 
 from __future__ import annotations
@@ -34,14 +33,7 @@ class Cell:
 
 
 def localise(sample: Sample, residual: Floats, joint: int, rng: np.random.Generator) -> list[Region]:
-    """Return the regions of one axis in which its gap concentrates.
-
-    Args:
-        sample: rows of the diagnosis.
-        residual: measured effort less the model's at the rows of that joint, shape (m,).
-        joint: joint of the axis.
-        rng: of the shifts.
-    """
+    """Return the regions of an axis in which its gap, ``residual`` at the joint's rows, shape (m,), concentrates."""
     power = residual**2
     if power.sum() <= 0.0:
         return []
@@ -133,10 +125,7 @@ def _bands(sample: Sample, residual: Floats, joint: int, axis: str) -> list[Regi
 
 
 def telling(regions: Sequence[Region], axes: Sequence[str]) -> list[Region]:
-    """Return the regions in the order in which they help a person.
-
-    Those of the axes with a cause first, in turn; what says only that a gap changes slowly last.
-    """
+    """Return the regions in the order that helps: axes with a cause first, in turn; slow changes of a gap last."""
 
     def rank(r: Region) -> tuple[int, bool, bool, float]:
         place = axes.index(r.axis) if r.axis in axes else len(axes)

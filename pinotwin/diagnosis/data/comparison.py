@@ -1,8 +1,7 @@
 """What is compared with what: the twin, its own logs, the logs in question, the validation logs.
 
-Of a twin, the base is the twin itself, coefficient by coefficient: the gap is the measured effort less
-``twin.effort``. Of a machine without one, the base is the twin that ``identify`` makes of these logs, and
-its coefficients stay free beside a candidate, for it has already taken up what it could of the cause.
+Of a machine, the base is the twin that ``identify`` makes of these logs, and its coefficients stay free beside a
+candidate, for it has already taken up what it could of the cause.
 """
 
 from __future__ import annotations
@@ -105,8 +104,7 @@ class Comparison:
     def held(self) -> Mask:
         """Coefficients of :attr:`model_columns` that rest on a bound and stay there, shape (b,).
 
-        A rotor's inertia or a friction below zero is none. Were they free, they would take up what no real
-        machine does: a constant effort of a vertical axis is a weight without inertia.
+        A rotor's inertia or a friction below zero is none: free, they would take up what no real machine does.
         """
         if self.change:
             return np.zeros(0, dtype=bool)
@@ -116,11 +114,7 @@ class Comparison:
         return np.asarray(self.twin.theta - lower <= RULES.at_bound * error)
 
     def held_beside(self, axes: Collection[str | None]) -> Mask:
-        """Return :attr:`held` with the coefficients free of effects on axes that a cause was found on.
-
-        What rested on its bound may have done so for want of that cause: viscous friction in the place of a
-        Stribeck term falls to none.
-        """
+        """Return :attr:`held`, free on axes where a cause was found: what rested may have done so for want of it."""
         if self.change:
             return self.held
         free = [e.axis in axes for e in self.twin.effects for _ in e.coefficients()]
@@ -128,12 +122,7 @@ class Comparison:
 
 
 def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> Comparison:
-    """Return a subject and logs made ready for the search.
-
-    Raises:
-        LogError: a channel is missing or unusable.
-        DataError: the logs hold too little.
-    """
+    """Return a subject and logs made ready for the search; LogError for channels, DataError where logs hold little."""
     change, block = isinstance(subject, Twin), RULES.block_time
     ready = _Ready.of(subject, logs, validation)
     twin, motions, sealed = ready.twin, *ready.motions()
@@ -202,11 +191,7 @@ def _explained(c: Comparison, joint: int) -> bool:
 
 
 def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
-    """Return the logs in question with the joints that moved when the twin was identified, and why not the others.
-
-    Raises:
-        DataError: no joint moved in both.
-    """
+    """Return new logs with the joints that moved in the twin's, and why not others; DataError where none did."""
     names = new.motion.names
     strange = [names[j] for j in new.joints if j not in own.joints]
     if len(strange) == len(new.joints):
@@ -280,10 +265,8 @@ class _Ready:
         return bent(self.twin, motion, motion)
 
 
-LEAST = 0.1
-"""Of an axis' rows, that must be left."""
-WORTH = 0.01
-"""Of them, that are worth a word if they are left out."""
+LEAST = 0.1  # Of an axis' rows, that must be left
+WORTH = 0.01  # Of them, that are worth a word if they are left out
 
 
 def _known(
@@ -322,10 +305,7 @@ def _known(
 
 
 def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], largest: Mapping[int, float]) -> Mask:
-    """Return where a twin tells an effort well enough to judge it, shape (n, nv).
-
-    Not much worse than where it is least sure in its own logs; where effects are told knot by knot, to the misfit.
-    """
+    """Return where a twin tells an effort well enough to judge it, as surely as in its own logs or misfit, (n, nv)."""
     out = np.ones(motion.q.shape, dtype=bool)
     error = twin.effort_error(motion) if floor else np.zeros(motion.q.shape)
     for j, least in floor.items():
@@ -395,10 +375,9 @@ def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
 
 
 def within(unseen: Sample, new: Sample) -> Sample:
-    """Return validation rows at positions that the logs in question visit too.
+    """Return validation rows at positions that the logs in question visit too, or all of a joint that has none.
 
-    What depends on the place along the travel is known only there, and its last value is no forecast of
-    what comes beyond. A joint that has no such row keeps all of them.
+    What depends on the place along the travel is known only there: its last value is no forecast of what comes beyond.
     """
     inside = {}
     for j in unseen.joints:

@@ -1,9 +1,8 @@
 """What the logs can be asked: the findings of ``check`` decide which effects are tried and which questions put.
 
-An effect that rate, resolution or the meaning of a channel cannot show is not looked for: at 10 samples a
-second no vibration is seen, on steps of 1 mm no presliding. An axis whose effort is not an effort (a magnitude,
-noise, of the wrong sign), or whose position is a sentinel for much of the time, is not judged at all. Of one whose
-position leaps no cause is named: the speed there is none, and the effort asked for it is a hundred times the real one.
+At 10 samples a second no vibration is looked for, on steps of 1 mm no presliding. An axis whose effort is none (a
+magnitude, noise, of the wrong sign), or whose position is a sentinel for long, is not judged; where it leaps, no cause
+is named: the effort asked for such a speed is a hundred times the real one.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ Question = Literal["servo", "tracking"]
 
 INSTANTS = ("presliding", "backlash", "drive_flexibility", "joint_flexibility", "delay", "inertial_coupling")
 """Effects that happen between two samples of a slow log."""
-MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")
-"""Effects within few steps of an encoder."""
+MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")  # Effects within few steps of an encoder
 EVERY = tuple(EFFECTS)
 
 
@@ -154,7 +152,7 @@ def _answered(machine: Machine, finding: Finding, sized: Collection[str]) -> boo
 def off_command(own: Motion, new: Motion) -> list[str]:
     """Return axes that kept to their command on the twin's own logs, and that no factor brings onto it now.
 
-    The unit of such a position is not in doubt, however far it has run: in another one it would go with its command.
+    The unit of such a position is not in doubt: in another one it would go with its command.
     """
     if own.qr is None or new.qr is None:
         return []
@@ -211,10 +209,7 @@ def _said(found: Sequence[tuple[Prepared, Finding]], count: int) -> tuple[str, .
 
 
 def run_away(gate: Gate, own: Motion) -> Gate:
-    """Return the gate of a change, with the servo judged of axes that kept to their command on the twin's own logs.
-
-    The columns are then right, and an axis that no longer follows is what has changed.
-    """
+    """Return the gate with the servo judged of axes that kept to their command on own logs: their columns are right."""
     if own.qr is None:
         return gate
     questions = {axis: dict(row) for axis, row in gate.questions.items()}
@@ -224,22 +219,14 @@ def run_away(gate: Gate, own: Motion) -> Gate:
     return replace(gate, questions=questions)
 
 
-_KNOWN = 0.3
-"""Correlation of the measured effort with the twin's from which it is an effort of that axis."""
+_KNOWN = 0.3  # Correlation of the measured effort with the twin's from which it is an effort of that axis
 
 
 def confirmed(gate: Gate, machine: Machine, measured: Floats, said: Floats, rows: Mask) -> Gate:
-    """Return the gate of a change, with axes judged whose effort the twin knows as it was measured.
+    """Return the gate of a change, with axes judged whose effort (n, nv) the twin knows as it was ``measured``.
 
-    A fault may turn what looks like friction round; an effort of another axis, or beside a position that is none,
-    no longer goes with the twin's. One that goes against it is that effort with the other sign: a scale below zero.
-
-    Args:
-        gate: as ``check`` has it.
-        machine: whose axes.
-        measured: effort, shape (n, nv).
-        said: the twin's, likewise.
-        rows: which are in motion, likewise.
+    A fault may turn what looks like friction round; an effort of another axis, or beside a position that is none, no
+    longer goes with what the twin ``said`` on ``rows`` in motion; one that goes against it has the other sign.
     """
     silent = dict(gate.silent)
     for axis in gate.silent:

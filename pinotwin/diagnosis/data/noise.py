@@ -24,8 +24,7 @@ def repeats(motions: Sequence[Motion]) -> Iterator[tuple[int, int]]:
 def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> dict[int, float]:
     """Return joint -> RMS of the noise of what is left [N or N·m]; of single runs none is known.
 
-    Noise that is locked to the position, as that of an encoder's steps, is the same in both runs: beside them what is
-    rough counts in any case.
+    Noise locked to the position, as of an encoder's steps, is the same in both runs: what is rough counts in any case.
     """
     edges = np.cumsum([0, *(len(m) for m in motions)])
     parts = [residual[a:b] for a, b in pairwise(edges)]

@@ -1,9 +1,8 @@
 """Runs of one command held against each other: a faulty log beside a healthy one is no repeat of it.
 
-Two healthy runs leave residuals that differ by less than the model's own misfit, for most of the misfit
-comes back with the motion. Runs that differ by more are not pooled: their difference would be taken for
-noise, and the fault diluted by the healthy run. Of a twin, those that lie farther from it are
-diagnosed; of a machine, those that agree with most of the others, for it is to be fitted to one machine.
+Runs that differ by more than the model's own misfit, most of which comes back with the motion, are not pooled: their
+difference would be taken for noise. Of a twin, those that lie farther from it are diagnosed; of a machine, those that
+agree with most of the others.
 """
 
 from __future__ import annotations

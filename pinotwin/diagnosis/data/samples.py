@@ -1,9 +1,7 @@
 """Rows of a diagnosis: what is left of a log when the twin's effort is taken away, thinned for the search.
 
-A sample is prepared exactly as the twin's own logs were. Residuals and candidate columns go through one
-zero-phase decimation, so that a column that explains the residual at the log's rate does so in the rows.
-Only rows in motion are used: at rest, dry friction holds any effort up to its level. An axis whose command
-stands still rests, too, though what the other axes do to it may shake it about there.
+Prepared exactly as the twin's own logs: residuals and columns go through one zero-phase decimation. Only rows in
+motion are used: at rest, dry friction holds any effort up to its level. An axis whose command stands still rests, too.
 """
 
 from __future__ import annotations
@@ -23,8 +21,7 @@ from pinotwin.signals import rms, since_start
 
 ROW_RATE = 200.0
 """Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
-MOST_ROWS = 12_000
-"""Rows of a joint beyond which every log is thinned further."""
+MOST_ROWS = 12_000  # Rows of a joint beyond which every log is thinned further
 SKIMMED_ROWS = 3_000
 """Instants from which the instances of one effect are ranked: enough for a hundred numbers."""
 MOMENTARY = ("position", "velocity")
@@ -87,10 +84,7 @@ class Sample:
         return self.motion.at(self.rows.sample, self.rows.block)
 
     def skimmed(self, effect: Effect) -> tuple[dict[int, Floats], dict[int, Ints]]:
-        """Return the columns of an effect on some rows of every joint, and which rows these are.
-
-        What depends on the motion of the moment is computed on these rows alone.
-        """
+        """Return the columns of an effect, computed on some rows of every joint alone if it can, and these rows."""
         rows, place, motion = self._few
         if effect.depends not in MOMENTARY:
             return {j: x[rows[j]] for j, x in self.screened(effect).items()}, rows
@@ -100,11 +94,7 @@ class Sample:
 
     @cached_property
     def _few(self) -> tuple[dict[int, Ints], dict[int, Ints], Motion]:
-        """Thinned instants drawn at random: every k-th would show one wave of the position as another.
-
-        Returns:
-            Joint -> its rows among them, joint -> their places in the motion, and that motion.
-        """
+        """Rows and places by joint, and the motion, of random instants: every k-th would alias the position."""
         count = len(self.rows.sample)
         few = np.sort(np.random.default_rng(0).permutation(count)[:SKIMMED_ROWS])
         pairs = list(zip(self.rows.joints, self.rows.kept, strict=True))
@@ -140,15 +130,9 @@ class Sample:
 
 
 def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
-    """Return the rows of a prepared motion.
+    """Return the rows of a prepared motion, with the model's own effort; DataError where no joint has a usable one.
 
-    Args:
-        motion: prepared log(s), with the channels of the model's own effort.
-        residual: measured effort less the twin's, at the log's rate, shape (n, nv).
-        block_time: shortest stretch of time that counts as one witness [s].
-
-    Raises:
-        DataError: no joint has a usable row.
+    ``residual`` is measured effort less the twin's at the log's rate, (n, nv); ``block_time`` [s] makes one witness.
     """
     moving = sum(s.stop - s.start for s in motion.segments)
     count = max(motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1)
@@ -180,11 +164,9 @@ def _sliding(motion: Motion, rows: Rows) -> Rows:
 
 
 def sliding(motion: Motion, joint: int) -> Mask:
-    """Return where a joint slides: not where its command has stood for a while and the joint but trembles, shape (n,).
+    """Return where a joint slides: not where its command has stood for a while and it but trembles, shape (n,).
 
-    The first moments are counted: an axis that settles slides, slowly, as dry friction is seen best. Before the first
-    move of a stretch nothing settles, and what moves an axis as a log begins is how it stood before: its spring may not
-    carry it yet.
+    The first moments count: dry friction is seen best as an axis settles. Before a first move nothing settles.
     """
     if motion.vr is None:
         return np.ones(len(motion), dtype=bool)

@@ -13,8 +13,7 @@ from pinotwin.arrays import Floats
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
 
-RIDGE = 1e-9
-"""Of a column's own square: keeps a singular system solvable, moves nothing that is determined."""
+RIDGE = 1e-9  # Of a column's own square: keeps a singular system solvable, moves nothing that is determined
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
-"""A payload as a body: mass, centre of mass and inertia that can exist, with intervals.
+"""A payload as a body that can exist: mass, centre of mass and inertia, with intervals, added or taken off.
 
-Ten free numbers on a link imitate much; a body's do not. The numbers found are the change of the link's
-own parameters; they are held to those of a body that is added, or of one that is taken off.
+The numbers are the change of the link's own parameters; ten free ones would imitate much.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Size
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
 
-UNKNOWN = 0.3
-"""Standard error from which a centre of mass is not determined [m]."""
+UNKNOWN = 0.3  # Standard error from which a centre of mass is not determined [m]
 
 
 @dataclass(frozen=True)
@@ -49,10 +47,9 @@ def _centre(pi: Floats, covariance: Floats) -> tuple[Floats, Floats]:
 
 
 def possible(pi: Floats, covariance: Floats, model: pin.Model, *, removal: bool) -> bool:
-    """Whether a body that is added or taken off can have these parameters, within two standard errors.
+    """Whether a body added, or on ``removal`` taken off, can have these parameters, by two standard errors.
 
-    A mass is positive unless something was taken off, which is no heavier than the machine; no centre of
-    mass lies farther off than the machine is long.
+    A mass is positive unless taken off, and then no heavier than the machine; its centre lies no farther off than that.
     """
     centre, spread = _centre(pi, covariance)
     if not np.isfinite(spread).all():

@@ -13,8 +13,7 @@ RESAMPLES = 1000
 def lower_bound(judged: Judged, ground: Ground) -> float:
     """Return the lower end of the 90 % interval of a candidate's gain on rows that were not fitted.
 
-    Blocks of the logs in question, each predicted from the others, and of validation logs count alike: a
-    cause that acts at few moments (play at a reversal) may lie in one or two blocks of a short log.
+    Blocks of validation logs count alike: play at a reversal may lie in one or two blocks of a short log.
     """
     alone = ground.alone
     gains = np.concatenate([alone.left - judged.left, alone.unseen - judged.unseen])

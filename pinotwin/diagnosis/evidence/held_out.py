@@ -1,12 +1,8 @@
 r"""What a candidate closes of the residual on rows that its coefficients were not fitted to.
 
-For every block the coefficients come from all other blocks, the model's own columns beside them. On logs
-of the twin's own kind the same fit gives what the model always lacked; a *change* is the difference,
-
-    d = theta(new) - theta(own),
-
-and what is judged is the residual less ``C d``: a difference of differences. Without own logs (a machine
-whose model is fitted to these very logs) nothing is taken off, and the model's columns stay free.
+For every block they come from all others, beside the model's own columns. On the twin's own logs the same fit gives
+what the model always lacked; what is judged is the residual less ``C d`` by the *change*, d = theta(new) - theta(own).
+Without own logs (a machine fitted to these very logs) nothing is taken off, and the model's columns stay free.
 """
 
 from __future__ import annotations
@@ -20,16 +16,12 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.evidence.moments import Base, Products
 from pinotwin.solve.jackknife import jackknife, solved, without_each
 
-Span = tuple[Floats, Floats]
-"""Lower and upper bounds of coefficients, shape (p,) each."""
+Span = tuple[Floats, Floats]  # Lower and upper bounds of coefficients, shape (p,) each
 FREE, HELD = 1e-6, 1e6
 """Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
-RIDGE = 1e-9
-"""Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined."""
-SCALED_RIDGE = 1e-6
-"""The same for a candidate's own columns, scaled to one."""
-COLLINEAR = 1e-5
-"""Share of a candidate's columns that the model's own must leave for it to be told apart."""
+RIDGE = 1e-9  # Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined
+SCALED_RIDGE = 1e-6  # The same for a candidate's own columns, scaled to one
+COLLINEAR = 1e-5  # Share of a candidate's columns that the model's own must leave for it to be told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,19 +108,11 @@ def judged(
     hold: float = 0.0,
     span: Span | None = None,
 ) -> Judged:
-    """Return what a candidate leaves; see the module's docstring.
+    """Return what a candidate leaves, from its sums on the new, own and validation (``unseen``) logs, or None of these.
 
-    Args:
-        ground: the model.
-        new: sums of the candidate on the logs in question.
-        own: on the twin's own logs; None where there are none or it has no rows there.
-        unseen: on the validation logs.
-        hold: precision by which the candidate's coefficients are held near zero [1 / unit²].
-        span: least and largest change of the candidate's coefficients, shape (p,) each.
-
-    A coefficient of the model at its lower bound may leave it beside the candidate, for it may have come to rest there
-    for want of it: of an axis that lacks its drag, viscous friction takes what Coulomb's had (least squares with
-    inequalities, by their active set).
+    Its coefficients are held near zero by the precision ``hold`` [1 / unit²], their change within ``span``, (p,) each.
+    One of the model at its lower bound may leave it beside the candidate, for it may have come to rest there for want
+    of it: viscous friction takes what Coulomb's had (least squares with inequalities, by their active set).
     """
     found = _judged(ground, new, own, unseen, hold, span)
     if not ground.bound.any() or not new.Cr.shape[1]:

@@ -1,11 +1,7 @@
-r"""Block sums of weighted rows: all that least squares on any choice of blocks needs.
+r"""Block sums of weighted rows, X'X, X'r, r'r, C'C, C'X, C'r: all that least squares on any choice of blocks needs.
 
-For columns ``X`` of the model as it stands, ``C`` of one candidate and the residual ``r``, all divided by
-the floor of their joint, every block and joint keeps the products
-
-    X'X, X'r, r'r, C'C, C'X, C'r
-
-so that fitting on some blocks and judging on the others costs no pass over the rows.
+``X`` are columns of the model as it stands, ``C`` of one candidate, ``r`` the residual, all over the floor of their
+joint: fitting on some blocks and judging on the others costs no pass over the rows.
 """
 
 from __future__ import annotations
@@ -44,14 +40,7 @@ class Products:
 
 
 def base_of(sample: Sample, columns: Mapping[int, Floats], floor: Mapping[int, float], width: int) -> Base:
-    """Return the sums of a model on a sample.
-
-    Args:
-        sample: rows.
-        columns: joint -> columns of the model, shape (m, b); joints without any are zero.
-        floor: joint -> by what its rows are divided.
-        width: b.
-    """
+    """Return the sums of a model on a sample: joint -> columns of shape (m, b), none for zero; ``width`` is b."""
     K, joints = sample.blocks, sample.joints
     XX, Xr = np.zeros((K, len(joints), width, width)), np.zeros((K, len(joints), width))
     rr = np.zeros((K, len(joints)))

@@ -1,14 +1,12 @@
 r"""What a twin leaves of its own logs that comes again with the motion: its habit.
 
-A twin that lacks an effect leaves it wherever the motion asks for it, in long stretches that stand as high as a push
-does. What is left of an axis is therefore told first, by functions of its own motion,
+What is left of an axis is told first by functions of its own motion,
 
     r = sum_k c_k X_k(q, v, m) + rest,      m the model's own effort,
 
-the coefficients held small by a ridge, whose weight is the one that predicts best what was left out: stretches of the
-own logs, each from all others. A habit is used only where it closes enough of them. Beyond what the own logs have
-visited every function stays where it was last. The motion of the other axes has no part in it: with it, a healthy
-robot whose twin knows one log of 12 s "was pushed" where only its posture was new.
+under the ridge that predicts best stretches of the own logs from all others, and only where it closes enough of them.
+Beyond what these have visited every function stays where it was last. The other axes' motion has no part in it: a
+healthy robot would be said to be pushed where only its posture is new.
 """
 
 from __future__ import annotations
@@ -22,16 +20,11 @@ from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.signals import hats, rms
 
-FOLDS = 8
-"""Stretches of the own logs, each predicted from all others."""
-WEIGHTS = (0.01, 0.1, 1.0)
-"""Weights of the ridge that are tried, of a column's own square."""
-KNOTS = 9
-"""Of the curve over the position."""
-TURNS = 0.02
-"""[of the top speed] Within which dry friction turns round."""
-SLOW = (0.05, 0.2, 0.5)
-"""[of the top speed] Speeds over which friction may fall."""
+FOLDS = 8  # Stretches of the own logs, each predicted from all others
+WEIGHTS = (0.01, 0.1, 1.0)  # Weights of the ridge that are tried, of a column's own square
+KNOTS = 9  # Of the curve over the position
+TURNS = 0.02  # [of the top speed] Within which dry friction turns round
+SLOW = (0.05, 0.2, 0.5)  # [of the top speed] Speeds over which friction may fall
 
 
 @dataclass(frozen=True, eq=False)

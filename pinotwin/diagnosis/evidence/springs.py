@@ -9,10 +9,7 @@ from pinotwin.diagnosis.evidence.held_out import Judged
 
 
 def inertias(c: Comparison, judged: Judged, joint: int) -> tuple[float, float] | None:
-    """Return the mean inertia of an axis in the twin, and that fitted beside a cause [kg or kg·m²].
-
-    Of a twin both are the same: its coefficients stay. None where the twin tells no inertia.
-    """
+    """Return an axis' mean inertia in the twin and beside a cause (of a twin the same) [kg or kg·m²], if told."""
     mass = c.new.motion.mass
     if mass is None:
         return None
@@ -23,8 +20,7 @@ def inertias(c: Comparison, judged: Judged, joint: int) -> tuple[float, float] |
 def fits(c: Comparison, judged: Judged, joint: int) -> bool:
     """Whether the load behind a spring is no more than all of its axis, by two standard errors.
 
-    Its share, the last coefficient, is that of the twin's inertia, which was fitted without the spring: no bound
-    by itself. A share of many times the whole is the slope of some other misfit far below the resonance.
+    Its share of the twin's inertia has no bound; many times the whole is another misfit far below the resonance.
     """
     known = inertias(c, judged, joint)
     if known is None:

@@ -1,10 +1,9 @@
 """Causes one after the other: the one that closes most on unseen rows first, each beside those before it.
 
-A candidate is taken in if it closes a positive share of its axis' residual on rows that were not fitted,
-with an interval above zero, and if its size is many times what leaving out stretches of motion moves it
-by. Of candidates that close as much, the one with fewest numbers is taken. Patterns without a name compete
-with the effects: where one of them wins, what is there is in no catalogue, and nothing is named for it. So does
-friction by which runs of one machine may differ: it is no cause, and what closes less than it is judged beside it.
+A candidate must close a positive share of its axis' residual on rows that were not fitted, with an interval above
+zero, and its size be many times what leaving out stretches moves it by. Of those that close as much, the one with
+fewest numbers is taken. Where a pattern without a name wins, nothing is named; friction by which runs may differ is no
+cause, and what closes less than it is judged beside it.
 """
 
 from __future__ import annotations
@@ -55,20 +54,15 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search has found.
+    """What a search has found."""
 
-    Attributes:
-        steps: turns, in order.
-        last: the best candidate that was not taken in, and why not; None if there was none.
-        left: friction by which runs differ, then the best candidates of the last turn, one a name and axis, best first.
-        first: the ground without any cause.
-        searcher: the ground with all causes among its columns, and those that the machine lists already.
-    """
-
-    steps: Sequence[Step]
+    steps: Sequence[Step]  # turns, in order
+    # the best candidate that was not taken in, and why not; None if there was none
     last: tuple[Scored, str] | None
+    # friction by which runs differ, then the best candidates of the last turn, one a name and axis, best first
     left: Sequence[Scored] = field(repr=False)
-    first: Searcher = field(repr=False)
+    first: Searcher = field(repr=False)  # the ground without any cause
+    # the ground with all causes among its columns, and those that the machine lists already
     searcher: Searcher = field(repr=False)
 
 
@@ -198,8 +192,7 @@ def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rule
     )
 
 
-TURNING = ("presliding", "hysteresis")
-"""What friction keeps in mind as it turns round."""
+TURNING = ("presliding", "hysteresis")  # What friction keeps in mind as it turns round
 
 _UNCERTAIN = "squared standard errors a number"
 _BY_SCATTER = "of the friction, by which runs of one machine may differ"
@@ -297,13 +290,12 @@ def one_each(ranked: Sequence[Scored]) -> list[Scored]:
 def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scored:
     """Return the candidate with fewest numbers among those that close as much as the best.
 
-    A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
-    to what the model never had; likewise an effect of the catalogue beside a pattern without a name. What no
-    relative leaves of a very large gap is many times what the twin leaves: it is not passed over, nor is what the best
-    does not leave, if that leaves no more than the twin does. Of those with
-    as many numbers the one that acts on fewer axes is taken: a constant force of one of two slides that stand upright
-    on each other looks like an inertia that they share. Of bodies that ride on several links the one on the last is
-    taken. What closes the gaps of several axes of a change at once is not replaced by what closes one of them.
+    A relative with fewer numbers may close a little less, for the richer one can bend itself to what the model never
+    had; likewise an effect of the catalogue beside a pattern. What no relative leaves of a very large gap is many
+    times what the twin leaves: it is not passed over, nor is what the best does not leave, if that leaves no more than
+    the twin does. Of as many numbers the one on fewer axes is taken (a constant force of one of two slides that stand
+    upright on each other looks like a shared inertia), of bodies that on the last link. What closes the gaps of
+    several axes of a change is not replaced by what closes one.
     """
     best = _best_effect(ranked, rules)
     several = _also_closed(best, searcher, rules)

@@ -1,9 +1,7 @@
 """How sure a name is: the cause found, put into stretches of the residual that the model leaves anyway.
 
-The residual that remains (of a twin: on its own logs) is cut into stretches that are laid over the
-motion in another order, and the cause is added at the size found. The share of such trials in which the
-same search names it first is its confidence: it falls where the model is poor and where another cause
-looks alike on this motion. Misfit that is no noise is thereby kept as it is; nothing Gaussian is assumed.
+These (of a twin: of its own logs) are laid over the motion in another order. The confidence is the share of trials in
+which the same search names the cause first: misfit that is no noise stays, and nothing Gaussian is assumed.
 """
 
 from __future__ import annotations
@@ -22,8 +20,7 @@ from pinotwin.diagnosis.search.trials import TRIALS, trial
 from pinotwin.effects.effect import Effect, Paired
 
 RIVALS = 5
-NEAR = 0.9
-"""Share of the gain of what was named from which a rival is hardly told apart from it."""
+NEAR = 0.9  # Share of the gain of what was named from which a rival is hardly told apart from it
 
 
 def confidences(

@@ -1,11 +1,9 @@
 """A cause with few numbers against a relative with more: which of the two would have left what was seen.
 
-The simpler one is taken although the richer closes a little more, for that may bend itself to what the twin never had.
-Whether it does, trials tell (parametric bootstrap cross-fitting, Wagenmakers et al. 2004,
-doi:10.1016/j.jmp.2003.11.004): each of the two is put in turn into the twin's own residual, and both are fitted. What
-the richer one closes more is then known under either, and the simpler one is given up only where its own trials never
-come near what was seen. Two that both jump at reversals (Coulomb friction, hysteresis) differ there alone, at rows
-where no log knows the direction as well as a trial does: of these the simpler one stands.
+Either is put into the twin's own residual, and both are fitted (parametric bootstrap cross-fitting, Wagenmakers et al.
+2004, doi:10.1016/j.jmp.2003.11.004): the richer, which may bend itself to what the twin never had, is taken only where
+the simpler one's trials never come near what was seen. Of two that jump at reversals (Coulomb friction, hysteresis)
+the simpler one stands: they differ at rows where no log knows the direction as well as a trial does.
 """
 
 from __future__ import annotations

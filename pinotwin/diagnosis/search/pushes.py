@@ -1,9 +1,7 @@
 """Pushes from outside: which are named, and how sure they are.
 
-A push is no friction: it must stand out of what the twin leaves anyway, the axis must move meanwhile, and no cause
-that comes with the motion may close as much, be it one that is too small to be named itself, or friction that is a
-little more in one run than in another. How sure it is, is measured: the pushes found are put into stretches of the
-twin's own residual, laid in another order.
+A push must stand out of what the twin leaves anyway, the axis move meanwhile, and no cause that comes with the motion,
+nor friction of one run, close as much. Trials in the twin's own residual, laid in another order, tell how sure it is.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import TRIALS, laid
 
-RIVALS = 3
-"""Causes that come with the motion that a push is held against in each trial."""
+RIVALS = 3  # Causes that come with the motion that a push is held against in each trial
 
 
 def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
@@ -49,7 +46,7 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
 def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) -> Found:
     """Return a search with the causes that are sure: the others account for nothing, and are rivals of a push.
 
-    Pushes that lie where the motion happens to ask for it look like a cause with a memory, which trials do not confirm.
+    Pushes where the motion asks for them look like a cause with a memory, which trials do not confirm.
     """
     kept = [s for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
     doubted = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x < rules.named]
@@ -59,10 +56,7 @@ def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) 
 
 
 def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Comparison, Episodes] | None:
-    """Return what pushes were found on (all that is left of an axis, or without its habit), and those that stand out.
-
-    On the ground where they close more of all that is left. What causes that come with the motion account for is none.
-    """
+    """Return what pushes were found on (all that is left, or without the habit, the better) and those standing out."""
     left = found.searcher.residual()[joint] * c.floor[joint]
     seen = list[tuple[Comparison, Episodes]]()
     for ground in (c, without_habit(c, joint, rules)):

@@ -18,14 +18,12 @@ from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import Effect
 from pinotwin.solve.jackknife import jackknife
 
-Table = Sequence[Mapping[int, Floats]]
-"""Columns of one effect on every sample: joint -> (m, p)."""
+Table = Sequence[Mapping[int, Floats]]  # Columns of one effect on every sample: joint -> (m, p)
 SMOOTH = ((0.05, 24),)
 """Steps by which shapes are polished [of their logarithm or range], and how often a candidate is scored meanwhile."""
 ROUGH = ((0.3, 60), (0.05, 24))
 """The same of effects of :data:`RUGGED` shapes: play that meets its faces a moment earlier is another course."""
-RUGGED = 3
-"""[shapes that are searched] From here the way to the best is no smooth one."""
+RUGGED = 3  # [shapes that are searched] From here the way to the best is no smooth one
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +86,7 @@ class Searcher:
         return {j: base.residual[j] - base.columns[j] @ delta for j in base.sample.joints}
 
     def table(self, effect: Effect, *, screen: bool = False) -> Table | None:
-        """Return the columns of an effect on every sample; None if it acts on no row or is not finite.
-
-        With ``screen`` they are computed on the thinned motion: near, and much faster.
-        """
+        """Return an effect's columns on every sample (``screen``: thinned); None on no row or where infinite."""
         samples = self.comparison.samples
         tables = [s.screened(effect) if screen else s.columns(effect) for s in samples]
         if not tables[0] or not all(np.isfinite(x).all() for t in tables for x in t.values()):
@@ -113,10 +108,9 @@ class Searcher:
         return self._scored(one.effect, one.table, replace(found, own=own))
 
     def _fitted(self, effect: Effect, table: Table, span: tuple[Floats, Floats] | None = None) -> Judged:
-        parts = [
-            None if base is None else _products(base, part)
-            for base, part in zip(self._bases(), self._filled(table), strict=True)
-        ]
+        bases = (self.ground.new, self.ground.own, self.ground.unseen)
+        pairs = zip(bases, self._filled(table), strict=True)
+        parts = [None if base is None else _products(base, part) for base, part in pairs]
         assert parts[0] is not None
         return judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect), span)
 
@@ -125,8 +119,8 @@ class Searcher:
             return None
         alone = self.ground.alone
         gain = float((alone.left - found.left).sum() + (alone.unseen - found.unseen).sum())
-        joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / self._floor2(j))
-        names = self.comparison.machine.names
+        names, floor = self.comparison.machine.names, self.comparison.floor
+        joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / floor[j] ** 2)
         order = names.index(effect.axis) if effect.axis in names else 0
         return Scored(effect, table, found, gain, gain / max(self.power(table[0]), 1e-300), joint, order)
 
@@ -196,12 +190,6 @@ class Searcher:
     def alone_by_joint(self) -> tuple[Floats, Floats]:
         """Squared residual of every block and joint without a candidate: new logs, validation logs."""
         return _alone(self.ground)
-
-    def _floor2(self, joint: int) -> float:
-        return self.comparison.floor[joint] ** 2
-
-    def _bases(self) -> tuple[Base, Base | None, Base | None]:
-        return self.ground.new, self.ground.own, self.ground.unseen
 
     def _filled(self, table: Table) -> list[Mapping[int, Floats] | None]:
         rest = list(table)

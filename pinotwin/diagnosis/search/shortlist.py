@@ -1,9 +1,7 @@
 """Which shapes of an effect are worth a close look: those that fit the residual best on thinned rows.
 
-An effect with a searched shape comes in hundreds of instances. A plain fit to the residual as it stands,
-without the model's own columns beside it, ranks the instances of one name on one axis well; the best few
-are then scored on unseen rows. More coefficients always fit better, so that tables of several sizes are not ranked
-against each other here.
+A plain fit without the model's columns ranks the instances of one name on one axis well; the best few are then scored
+on unseen rows. More coefficients always fit better, so tables of several sizes are not ranked here.
 """
 
 from __future__ import annotations
@@ -21,10 +19,8 @@ from pinotwin.diagnosis.search.scan import Searcher, Table
 from pinotwin.effects import Effect
 from pinotwin.effects.effect import AxisEffect
 
-KEPT = 2
-"""Instances of one name on one axis, of each number of coefficients, that are scored on unseen rows."""
-CLOSE = 24
-"""Instances in all, the best of those, whose columns are computed at the log's own rate."""
+KEPT = 2  # Instances of one name on one axis, of each number of coefficients, that are scored on unseen rows
+CLOSE = 24  # Instances in all, the best of those, whose columns are computed at the log's own rate
 
 
 class Shortlist:
@@ -92,10 +88,7 @@ class Shortlist:
 
 
 def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
-    """Return the joints whose whole residual is less than the least that a cause must close of it.
-
-    Where repeats tell the noise, what is left without it counts: a small cause that closes most of that is named.
-    """
+    """Return the joints whose residual, without noise that repeats tell, is less than a cause must close of it."""
     c = searcher.comparison
     out = set()
     for at, j in enumerate(c.new.joints):

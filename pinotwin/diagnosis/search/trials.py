@@ -14,23 +14,15 @@ from pinotwin.diagnosis.evidence.held_out import SCALED_RIDGE
 from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.solve.jackknife import solved
 
-TRIALS = 10
-"""With each cause that is put in."""
-STRETCH = 1.0
-"""Length of the stretches that are laid in another order [s]."""
+TRIALS = 10  # With each cause that is put in
+STRETCH = 1.0  # Length of the stretches that are laid in another order [s]
 
 
 def trial(c: Comparison, left: Mapping[int, Floats], cause: Scored, rng: np.random.Generator) -> Comparison:
     """Return the comparison with what the model leaves anyway laid in another order, and the cause put in.
 
-    What the twin always lacked of this very cause is taken off every change; it comes with the motion and is not
-    laid elsewhere.
-
-    Args:
-        c: what is compared.
-        left: joint -> what a machine's model leaves of these logs, floor units; of a twin its own logs are taken.
-        cause: with its size and columns.
-        rng: order of the stretches.
+    ``left``: joint -> what a machine's model leaves of these logs, floor units; of a twin its own logs are taken. What
+    the twin always lacked of this very cause comes with the motion: it is taken off every change and stays.
     """
     residual: Mapping[int, Floats] = {j: left[j] * c.floor[j] for j in left}
     theta = cause.judged.theta

@@ -1,15 +1,13 @@
 r"""The second encoder: what lies between motor and load, straight from their difference.
 
-With the position q at the motor and q_l at the load, both prepared alike, the twist d = q - q_l obeys
+With q at the motor and q_l at the load, both prepared alike, the twist d = q - q_l obeys
 
     d = T / k - (c / k) d' + h sign(v) + e(q_l) + tau v + d_0,      T = u - J a
 
-T: what the drive passes on, the motor's effort less what accelerates its own rotor J; k, c: stiffness and
-damping of the drive train; 2 h: lost motion between the two directions; e: error of the position along
-the stroke (pitch of the screw, scale of an encoder); tau: time between the two encoders. Friction on the motor's side
-of the spring goes with v and sign(v). All coefficients are linear, every stretch of the log is predicted from the
-others, and k, c, J, h and tau stay what a machine can have: none below zero, and tau, of two encoders on one clock,
-within a few samples. Nothing is inferred from the effort alone: elasticity, lost motion and pitch are measured.
+T: motor effort less its own rotor's, J; k, c: stiffness and damping of the drive train; 2 h: lost motion; e: error
+along the stroke (pitch of the screw, scale of an encoder); tau: time between the encoders. Motor-side friction goes
+with v and sign(v). All is linear, every stretch is predicted from the others; k, c, J, h are not below zero, and tau,
+of one clock, is within a few samples. Nothing is inferred from the effort alone.
 """
 
 from __future__ import annotations
@@ -33,17 +31,13 @@ from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
 from pinotwin.solve.jackknife import jackknife
 
-SLOWEST = 0.02
-"""Of the top speed: below it the direction of lost motion is not known."""
+SLOWEST = 0.02  # Of the top speed: below it the direction of lost motion is not known
 MOST_ROWS = 20_000
-LATEST = 3.0
-"""Samples between two encoders on one clock, at most: what comes later is no delay between them."""
+LATEST = 3.0  # Samples between two encoders on one clock, at most: what comes later is no delay between them
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
-SHARED = 0.5
-"""Of the stroke: what the twin's own logs must have visited for its table to be compared."""
-KNOTS = 13
-"""Places along the stroke at which its error is stated."""
+SHARED = 0.5  # Of the stroke: what the twin's own logs must have visited for its table to be compared
+KNOTS = 13  # Places along the stroke at which its error is stated
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 """Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
 
@@ -74,12 +68,9 @@ class _Twist:
     def fit(
         self, names: Sequence[str], y: Floats | None = None, known: Mapping[str, Floats] | None = None
     ) -> Blocked:
-        """Return the fit of the twist by some parts, within what a machine can have.
+        """Return the fit of the twist, or of y (n,), by named parts, within what a machine can have.
 
-        Args:
-            names: the parts.
-            y: what is fitted, shape (n,); the twist where absent.
-            known: part -> its coefficients before a change, which ``y`` is; the bounds are those of their sum.
+        ``known``: part -> its coefficients before a change, which ``y`` is; the bounds are those of their sum.
         """
         X, y = self.table(names), self.d if y is None else y
         bounds = np.concatenate(
@@ -231,11 +222,7 @@ class Seen:
 
 
 def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
-    """Return what the encoders at the load say, axis by axis.
-
-    Of a machine, what lies between motor and load at all; of a twin whose own logs held them too, what has
-    changed there since.
-    """
+    """Return what load encoders say of each axis: what is between, or of a twin that had them, what has changed."""
     out = {}
     for name, axis in c.machine.axes.items():
         if name in c.gate.silent:
@@ -384,10 +371,7 @@ def _confidences(
 
 
 def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Sequence[str]) -> float:
-    """Return by how many standard errors a part's first coefficient is what a machine can have.
-
-    A spring yields to its load and play lags behind the motor: both are positive, of a change what is there then.
-    """
+    """Return by how many errors a part's first coefficient is as it must be: springs and play are positive."""
     k = new.at(names, part)
     value, error = float(fit.theta[k]), float(fit.error[k])
     if part == "table":

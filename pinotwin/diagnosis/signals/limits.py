@@ -42,14 +42,11 @@ def reached(
     usual: float = np.inf,
     asked: Callable[[Motion], Floats] | None = None,
 ) -> Limit | None:
-    """Return the limit that a drive reached, None if it did not, or no command tells.
+    """Return the limit that the drive in column ``joint`` reached, None if it did not, or no command tells.
 
-    Args:
-        motions: prepared logs.
-        joint: column of the drive.
-        usual: RMS of its tracking error in logs that meet no limit, for a drive that is at its limit whenever it moves.
-        asked: gives the effort that a motion's command asks of the drive, shape (n,), for a reading that something
-            slower than its noise moves while it rests.
+    ``usual`` is the RMS of its tracking error in logs that meet no limit, for a drive that is at its limit whenever it
+    moves; ``asked`` gives the effort (n,) that a motion's command asks of it, for a reading that something slower than
+    its noise moves while it rests.
     """
     if not motions or any(m.vr is None for m in motions):
         return None
@@ -97,12 +94,7 @@ def _spread(x: Floats) -> float:
 
 
 def exceeded(efforts: Sequence[Floats], level: float) -> bool:
-    """Return whether logged efforts go beyond a level for longer than noise takes them there.
-
-    Args:
-        efforts: as they were logged, one per log, each of shape (n,).
-        level: that is said to be a limit [N or N·m].
-    """
+    """Return whether efforts, (n,) a log, exceed a level [N or N·m] for longer than noise takes them there."""
     for u in efforts:
         good = u[np.isfinite(u)]
         if len(good) > 3 and np.mean(np.abs(good) > OVER_LEVEL * level + 4.0 * roughness([good])) > LIMITED:
@@ -140,10 +132,9 @@ def followed(mask: Mask, samples: int) -> Mask:
 
 
 def lowest(efforts: Sequence[Floats], noise: float) -> float:
-    """Return the least size of an effort that is near the largest that it rests at, in all logs together [N or N·m].
+    """Return the least size near the largest that an effort rests at in all logs, [N or N·m].
 
-    A drive at its limit does not rest at its very largest reading: noise and the current loop overshoot
-    it. The level is the size that is met most often among the largest fifth.
+    Noise and the current loop overshoot a limit: the level is the size met most often among the largest fifth.
     """
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))
     top = float(size.max(initial=0.0))
@@ -152,13 +143,7 @@ def lowest(efforts: Sequence[Floats], noise: float) -> float:
 
 
 def rests(u: Floats, low: float, step: float) -> Mask:
-    """Return where an effort stays at a size or beyond for a while.
-
-    Args:
-        u: effort [N or N·m], shape (n,).
-        low: that size.
-        step: sampling interval [s].
-    """
+    """Return where an effort u (n,) stays for a while at a size ``low`` [N or N·m] or beyond; ``step`` in [s]."""
     near = np.abs(np.nan_to_num(u)) >= low
     ends = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
     out = np.zeros(len(u), dtype=bool)

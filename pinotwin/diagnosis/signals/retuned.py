@@ -1,12 +1,10 @@
-r"""Gains that have changed, told from the tracking error alone.
+r"""Gains that have changed, told from the tracking error alone, where noise hides it in the effort.
 
-Where noise hides in the effort what a controller does otherwise, the tracking error still shows it: it is simulated
-from the command with one factor on some of the gains, and the factor moved to where the log's own error is met,
+It is simulated from the command with one factor on some of the gains, moved to where the log's own error is met,
 
-    f <- f + (s . r) / (s . s),     r = e - e_simulated(f),  s = d e_simulated / d f.
+    f <- f + (s . r) / (s . s),     r = e - e_simulated(f),  s = d e_simulated / d f,
 
-What it closes is stated on stretches that it was not fitted to. Asked only of axes whose effort is the twin's: there
-the plant has not changed.
+and judged on stretches that it was not fitted to, of axes whose effort is the twin's: there the plant is as it was.
 """
 
 from __future__ import annotations
@@ -32,17 +30,12 @@ from pinotwin.simulation import preferred
 from pinotwin.solve.jackknife import jackknife, without_each
 from pinotwin.twin import Twin
 
-Runs = Sequence[tuple[Log, Motion]]
-"""Logs with their motions."""
+Runs = Sequence[tuple[Log, Motion]]  # Logs with their motions
 
-BLOCKS = 12
-"""Stretches that an error is cut into."""
-STEPS, FIRST = 4, 0.1
-"""Corrections of a factor, and the change by which its slope is taken first."""
-LARGEST = 3.0
-"""Factor beyond which none is sought."""
-HOPELESS = 0.3
-"""Share that the first slope promises to close below which no step is taken."""
+BLOCKS = 12  # Stretches that an error is cut into
+STEPS, FIRST = 4, 0.1  # Corrections of a factor, and the change by which its slope is taken first
+LARGEST = 3.0  # Factor beyond which none is sought
+HOPELESS = 0.3  # Share that the first slope promises to close below which no step is taken
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,8 @@
 r"""The controller's law, held against the twin's own logs: gains, feed-forward, a drive at its limit.
 
-Inverse dynamics holds whatever the controller does. Its law relates command, position and effort without
-the plant. Most laws of motion control are linear in
-
-    e, int e, v, v_r, a_r, q_r and a constant of every stretch of the log
-
-with e = q_r - q. The law is fitted to the twin's own logs and to the new ones by the same columns; where
-it does not hold on the own logs it says nothing, and where it still holds on the new ones nothing in the
-servo has changed, whatever the plant does.
+Most laws of motion control are linear in e = q_r - q, int e, v, v_r, a_r, q_r and a constant of every stretch, without
+the plant. One is fitted to the twin's own logs and to the new ones by the same columns; where it does not hold on the
+own logs it says nothing, and where it still holds on the new ones nothing in the servo has changed.
 """
 
 from __future__ import annotations
@@ -37,29 +32,19 @@ FORWARD = ("a_r",)
 
 @dataclass(frozen=True)
 class ServoChange:
-    """A change of one axis' servo.
+    """A change of one axis' servo."""
 
-    Attributes:
-        effect: ``feedforward``, ``loop_gain`` or ``saturation``.
-        axis: whose.
-        name: of the number that changed. before: its value. after: its value.
-        interval: 90 % interval of ``after``.
-        unit: of that number.
-        share: of the law's squared residual that it closes on blocks that were not fitted.
-        gap: RMS of the law's residual before and after [N or N·m].
-        confidence: share of trials that name it again: of a law, changed laws put into stretches of what the law
-            leaves anyway; of a limit, logs from which a stretch was left out.
-    """
-
-    effect: str
+    effect: str  # ``feedforward``, ``loop_gain`` or ``saturation``
     axis: str
-    name: str
+    name: str  # of the number that changed. before: its value. after: its value
     before: float
     after: float
-    interval: tuple[float, float]
-    unit: str
-    share: float
-    gap: tuple[float, float]
+    interval: tuple[float, float]  # 90 % interval of ``after``
+    unit: str  # of that number
+    share: float  # of the law's squared residual that it closes on blocks that were not fitted
+    gap: tuple[float, float]  # RMS of the law's residual before and after [N or N·m]
+    # share of trials that name it again: of a law, changed laws put into stretches of what the law leaves anyway;
+    # of a limit, logs from which a stretch was left out
     confidence: float = 0.0
 
 
@@ -70,15 +55,10 @@ def servo_changes(
     rules: Rules = RULES,
     courses: Mapping[int, Floats] | None = None,
 ) -> list[ServoChange]:
-    """Return what has changed in the servo of every axis.
+    """Return what has changed in the servo of every axis; of a machine only the limits are looked at.
 
-    Args:
-        comparison: a twin with its own logs and new ones; of a machine only the limits are looked at.
-        explained: axes whose logged effort was found scaled or late: their laws are not judged.
-        leave_out: effects that are not named.
-        rules: thresholds.
-        courses: joint -> what the named causes put into its logged effort, shape (n,). The law that holds once
-            it is taken off has not changed either: it was the reading that did.
+    Laws of axes whose logged effort was ``explained`` as scaled or late are not judged. ``courses``: joint -> what the
+    named causes put into its logged effort, (n,): a law that holds once it is taken off has not changed either.
     """
     out = []
     motion = comparison.new.motion
@@ -178,8 +158,7 @@ SAID = {"feedforward": "acceleration feed-forward", "loop_gain": "feedback gains
 def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> dict[str, str]:
     """Return axis -> what is said of its controller where its law is gone, and nothing in the catalogue says why.
 
-    An integrator that a limit inside the controller stops leaves no plateau in the effort, but many times the effort
-    itself of the law.
+    An integrator that the controller limits leaves no plateau in the effort, but many times the law's effort.
     """
     out = {}
     for axis in c.machine.axes.values():
@@ -254,11 +233,7 @@ def _law_change(
 def turned(
     effect: str, factor: float, error: float, known: float, rules: Rules
 ) -> tuple[float, float] | None:
-    """Return the 90 % interval of a factor on gains; None where they have not turned.
-
-    Where the interval holds 1 nothing may have changed, less than ``law_turned`` is not worth a word, and no loop
-    stands with its feedback the other way round.
-    """
+    """Return the 90 % interval of a factor on gains; None where it holds 1, is not worth a word, or changes sign."""
     half = 1.645 * float(np.hypot(error, known))
     possible = effect == "feedforward" or factor > 0.0
     changed = abs(factor - 1.0) >= np.maximum(rules.law_turned, half)

@@ -1,8 +1,7 @@
 """The tracking error's gap: the log's against that of the twin simulated from the command alone.
 
-Before: the twin as it is. After: the twin with the causes that were named: its own numbers changed, effects added,
-the gains of its controllers as they are now. The misfit is the same difference on the twin's own logs. Where the
-twin has no closed loop, or the simulation cannot carry a cause, nothing is said.
+Before: the twin as it is. After: with the causes that were named, and the gains as they are now. The misfit is the
+same difference on the twin's own logs. Without a closed loop, or of a cause that cannot be simulated, nothing is said.
 """
 
 from __future__ import annotations
@@ -32,8 +31,7 @@ from pinotwin.twin import Twin
 
 TURNED = {"feedforward": ("ar",), "loop_gain": ("e", "integral", "v", "vr", "slip")}
 """Change of a servo -> the gains of its law that have one factor."""
-LONGEST = 120_000
-"""Samples of the logs in question beyond which the tracking error is not simulated."""
+LONGEST = 120_000  # Samples of the logs in question beyond which the tracking error is not simulated
 
 
 @dataclass(frozen=True)
@@ -132,10 +130,7 @@ def own_run(c: Comparison) -> tuple[Log, Motion] | None:
 
 
 def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:
-    """Return the twin with the named causes in its numbers, and the axes all of whose causes it holds.
-
-    What a simulation cannot carry (a pattern, an error of a sensor) is left out; None where nothing is left.
-    """
+    """Return the twin with the named causes that it can carry, if any, and the axes all of whose causes it holds."""
     theta, effects = twin.theta.copy(), list(twin.effects)
     diagonal = {name: x.copy() for name, x in twin.diagonal.items()}
     held, beyond = set(), set()
@@ -178,10 +173,7 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
 
 
 def with_gains(twin: Twin, changed: Sequence[ServoChange]) -> tuple[Twin, set[str]]:
-    """Return the twin with the gains of its controllers as they were found, and the axes of which it holds them.
-
-    A twin that is simulated by transfer functions, and a limit of a drive, are left as they are.
-    """
+    """Return the twin with the gains found, and axes that hold them; transfer functions and limits are left."""
     servos, held = dict(twin.servos), set[str]()
     if preferred(twin) != "coupled":
         return twin, held

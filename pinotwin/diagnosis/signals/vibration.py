@@ -1,9 +1,7 @@
 """The gap of the vibration of passive joints, where the logs hold it: the twin's springs against the log.
 
-What the axes' motion does to a passive joint is known (:mod:`pinotwin.analysis.deflection`); its own
-stiffness and damping are what can have changed of it. They are fitted anew, and judged on logs, or
-every other part of them, that were not fitted. Only the band of the vibration counts: no IMU knows the
-slow angle.
+What the axes do to a joint is known (:mod:`pinotwin.analysis.deflection`); its own stiffness and damping are fitted
+anew, and judged on rows that were not. Only the band of the vibration counts: no IMU knows the slow angle.
 """
 
 from __future__ import annotations
@@ -181,10 +179,7 @@ Moves = dict[str, tuple[float, float, float]]
 
 
 def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves]:
-    """Return the spring that the rows to be fitted ask for, and by how many errors it moved.
-
-    Errors by the sandwich over blocks of time: what is left is coloured.
-    """
+    """Return the spring that the rows to be fitted ask for, and by how many (block sandwich) errors it moved."""
 
     def shaped(x: Floats) -> PassiveSpring:
         k, c = np.exp(x) * [spring.stiffness, max(spring.damping, 1e-9)]
@@ -224,10 +219,7 @@ def _shrink(
     runs: _Split,
     rng: np.random.Generator,
 ) -> tuple[Shrink, float]:
-    """Return how far other springs shrink the gap on rows that were not fitted, and how sure that is.
-
-    Blocks are resampled: the interval is that of the share, the confidence how often it is one to be named.
-    """
+    """Return how far other springs shrink the gap on unseen rows, with the share of resampled blocks that name it."""
     blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
     parts = [np.array_split(x, blocks) for x in unseen]
     share = []

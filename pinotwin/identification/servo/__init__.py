@@ -1,10 +1,8 @@
 """The controller of one axis, found through the closed loop that it makes with the identified plant.
 
-Least squares on the law give a first answer (:mod:`first_answer`); it only starts the search. The gains are then
-those with which the *simulated* axis (controller, inertia, friction, and the disturbance that the other axes made)
-shows the error and the effort of the log (:mod:`output_error`). Every structure (with and without lag of the current
-loop, notch, the ties of a cascade or a PID) goes the same way; the one that predicts held-out windows best is kept, a
-larger one only where it pays (:mod:`structure`).
+Least squares on the law start the search (:mod:`first_answer`) for the gains with which the *simulated* axis shows the
+error and the effort of the log (:mod:`output_error`). Of all structures the one that predicts held-out windows best is
+kept, a larger one only where it pays (:mod:`structure`).
 """
 
 from pinotwin.identification.servo.certainty import shared as shared

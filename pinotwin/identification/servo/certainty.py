@@ -86,11 +86,9 @@ def with_errors(
 ) -> Servo:
     """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
 
-    ``rivals`` are the same form found from the other side of the double root, ``missed`` the error of e on rows
-    not fitted, as a share of its RMS; None for a law from its own moments, which an error of the plant does not
-    reach and which tell the two sides apart. A cascade up to ``as_good`` times the lowest cost fits as well:
-    far more than the noise of a log would allow, for what is wrong with the plant decides between the two as
-    well.
+    ``rivals`` are the same form from the other side of the double root, ``missed`` the error of e on rows not fitted
+    over its RMS; None for a law from its own moments, which tells the two sides apart. A cascade up to ``as_good``
+    times the lowest cost fits as well, for what is wrong with the plant decides between the two too.
     """
     servo, cov = found.servo, spread(p, found)
     names = list(_told(servo))

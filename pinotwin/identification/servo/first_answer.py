@@ -1,7 +1,6 @@
 """Laws to start from: the gains by least squares, for a few lags and notches.
 
-Effort, error and command are all logged and the law is linear in its gains: its columns through its own filters, on a
-fine clock. Its error carries the encoder's noise and the law is fed back, so that this answer is biased.
+The columns go through their own filters on a fine clock; encoder noise that is fed back biases this answer.
 """
 
 from __future__ import annotations
@@ -16,14 +15,11 @@ from pinotwin.identification.servo.output_error import free_gains, misfit
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 
-NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
-"""Frequencies at which a notch is looked for [Hz]."""
-NOTCH = (0.1, 0.6)
-"""Damping ratios of its zeros and poles, to start with."""
+NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)  # Frequencies at which a notch is looked for [Hz]
+NOTCH = (0.1, 0.6)  # Damping ratios of its zeros and poles, to start with
 LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 """Time constants of the velocity's filter from which the search starts [s]."""
-OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
-"""Lag of the current loop and dead time from which the search starts [s]."""
+OUTPUT_LAG, DEAD = 2e-4, 1.2e-4  # Lag of the current loop and dead time from which the search starts [s]
 
 
 def _columns(p: AxisProblem) -> list[tuple[Floats, Floats]]:

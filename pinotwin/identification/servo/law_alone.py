@@ -1,7 +1,6 @@
 """The law of a controller by itself: the effort that it makes of a measured motion, and its slopes; no plant.
 
-Two motions go through it on a fine clock: the simulated one, and the measured one, which between two samples is the
-simulated one moved by a spline onto the measured ones: at 250 Hz a reversal lies between samples.
+On a fine clock the measured motion is the simulated one moved by a spline: at 250 Hz a reversal lies between samples.
 """
 
 from __future__ import annotations
@@ -91,8 +90,7 @@ class LawAlone:
     def of(cls, p: AxisProblem, servo: Servo, clock: float = 5e-4, memory: float = 0.06) -> LawAlone | None:
         """Return the windows of an axis, simulated under a controller; None where it runs away.
 
-        The laws of drives are smooth over ``clock`` [s], whose fastest parts are lags of a few of them; an
-        autoregression of ``memory`` [s] whitens the effort's error.
+        Laws of drives are smooth over ``clock`` [s]; an autoregression of ``memory`` [s] whitens the effort's error.
         """
         fine = Clock(p.step, max(1, int(np.ceil(p.step / clock - 1e-9))))
         stretches = [made for s in p.windows if (made := _stretch(p, servo, s, fine)) is not None]

@@ -1,15 +1,13 @@
 r"""The gains of a controller from its own signals, by moments that noise and plant do not reach.
 
-The law makes the effort of command and position, all three logged. Least squares on that are biased: the encoder's
-steps, differenced at the drive's clock, reach the effort and through the loop the position again. An output error
-(:mod:`output_error`) is not, but takes up the errors of the plant: of friction above all, which makes most of the
-tracking error. With Z the slopes of the law's effort on the *simulated* motion, which no noise of the log has reached,
+Least squares on effort, command and position are biased: the encoder's steps reach the effort and through the loop the
+position again. An output error (:mod:`output_error`) takes up errors of the plant, of friction above all. With Z the
+slopes of the law's effort on the *simulated* motion, which no noise of the log has reached,
 
     Z' (u - law(q, qr; x)) = 0
 
 holds for the true law whatever the plant (instrumental variables in closed loop: Gilson and Van den Hof 2005,
-Automatica 41). kp and 1/ti of a cascade, nearly equal roots, come out within a few percent, where an output error
-exchanged them. Dead time, and what the moments leave open, are the output error's.
+Automatica 41). Dead time, and what the moments leave open, are the output error's.
 """
 
 from __future__ import annotations
@@ -57,10 +55,9 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
 ) -> Solved | None:
     """Return the law of a form whose moments vanish, or None where the search ends at a known one, or not at all.
 
-    Shapes are held to usual ones as far as the moments leave them open. Dead time and offset stay: the logged
-    effort knows nothing of them. For ``renewed`` of at most ``turns`` steps the instruments follow; then they
-    stay: any near the answer are as good. A step is ``longest`` at most in units of the search, which ends at a
-    ``close`` one; a last one beyond ``rough`` is no end.
+    Usual shapes hold what the moments leave open; dead time and offset stay. For ``renewed`` of at most ``turns``
+    steps the instruments follow; then they stay: any near the answer are as good. A step is ``longest`` at most in
+    units of the search, which ends at a ``close`` one; a last one beyond ``rough`` is no end.
     """
     search, x = search_of(start)
     P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
@@ -154,10 +151,9 @@ def _same(a: Servo, b: Servo, apart: float = 0.04) -> bool:
 def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12) -> list[Found]:
     """Return the controller that the moments speak for, after it what they speak for as well; or none.
 
-    Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
-    which also settles in ``steps`` what the moments leave open, on the problem that :func:`beside_moments`
-    makes. ``near`` is that of the output error, whose form is kept; a rise of the whitened squared error over
-    its variance by ``tells`` puts an answer out.
+    Two ways round of kp and 1/ti are ordered with the output error, which settles in ``steps`` what the moments leave
+    open (:func:`beside_moments`); ``near`` is its own law, whose form is kept. A rise of the whitened squared error
+    over its variance by ``tells`` puts an answer out.
     """
     near = _without_feedforward(p, near, tells, steps) or near
     law, q = LawAlone.of(p, near), beside_moments(p)

@@ -142,10 +142,9 @@ def polish(
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
 
-    A search that begins at a law that holds its axis goes to such alone: windows of a few seconds, each begun
-    in the measured state, may be shown as well by a loop that grows slowly. What is named of :data:`PLANT` is
-    searched beside it; ``known`` is what something else tells about the start, shape (j, k): its transpose times
-    itself inverts a covariance.
+    From a law that holds its axis it goes to such alone: short windows may be shown as well by a loop that grows
+    slowly. What is named of :data:`PLANT` is searched beside it; ``known`` tells of the start, shape (j, k): its
+    transpose times itself inverts a covariance.
     """
     search, x = search_of(servo, plant, float(p.sizes[1]))
     begun = x

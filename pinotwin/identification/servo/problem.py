@@ -51,10 +51,9 @@ def skipped(step: float, seconds: float = 0.25) -> int:
 
 @dataclass(frozen=True)
 class AxisProblem:
-    """One axis alone: its command, what was measured, and what the plant says of it.
+    """One axis alone: its command, what was measured, and what the plant says of it; ``noise`` (2,) is that of e and u.
 
-    Of windows that meet in a stretch the later goes on where the earlier ends: what friction and integrator
-    remember is not measured. ``noise`` has shape (2,), for e and u.
+    Of windows that meet the later goes on where the earlier ends: what friction and integrator hold is not measured.
     """
 
     step: float  # sampling interval [s]

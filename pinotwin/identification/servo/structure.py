@@ -17,12 +17,9 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation.law import LONGEST
 
-BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
-"""Of the position loop [Hz], to start from."""
-BRIEF, REPOLISH = 4, 4
-"""Steps of a search that only looks, and of one that goes on."""
-FORMS = ("proportional", "cascade", "pid")
-"""Simpler laws, in the order in which they are preferred."""
+BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)  # Of the position loop [Hz], to start from
+BRIEF, REPOLISH = 4, 4  # Steps of a search that only looks, and of one that goes on
+FORMS = ("proportional", "cascade", "pid")  # Simpler laws, in the order in which they are preferred
 STANDSTILL = ("fading", "distance")
 """Friction that shows about standstill, where an effort along a measured position tells it worst."""
 
@@ -36,10 +33,9 @@ def look(
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
-    A notch is looked for where the law without one leaves something of e, and taken where it pays on windows
-    that were not fitted. A law that does not hold the axis is none. Friction is refined beside it where the
-    plant's own fit stays as good. A law with fewer gains is a candidate where its cost is below ``fits`` times the
-    others': held-out windows that hardly move tell no law from another.
+    A notch is taken where it pays on windows that were not fitted, a law with fewer gains where its cost is below
+    ``fits`` times the others'. A law that does not hold the axis is none. Friction is refined where the plant's fit
+    stays as good.
     """
     train, judge = p.split()
     begun = starts(train)
