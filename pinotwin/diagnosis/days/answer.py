@@ -233,7 +233,7 @@ class Answer:
             out[row.axis] = described(row)
         for x in self.recorded:
             out[axis_of(x.row, self.r)] = f"the recording: {effect_words(x.row.name)}"
-        return out
+        return {**out, **self.c.gate.nameless, **self.c.gate.silent}
 
     def recording(self) -> list[dict[str, Any]]:
         """Return the faults of the recording that the equations tell."""
@@ -259,8 +259,11 @@ class Answer:
             row, worst = self.judged.described, max(self.judged.open, key=lambda k: self.judged.open[k])
             axis, equation = (row.axis, "plant") if row is not None and worst[1] == "plant" else worst
             out[axis] = {signals[equation]: 1.0}
-        for x in self.recorded:
-            out.setdefault(axis_of(x.row, self.r), {})["u"] = 1.0
+        for name in [
+            *(axis_of(x.row, self.r) for x in self.recorded),
+            *(x for x in self.c.gate.silent if x in self.gaps),
+        ]:
+            out.setdefault(name, {})["u"] = 1.0
         return out
 
     def sentence(self, effects: Sequence[Found]) -> list[str]:
@@ -316,7 +319,18 @@ def days_of(c: Comparison, false_alarm: float) -> tuple[Reference, _Rows, _Rows 
     unseen = [] if valid is None else valid.stretches
     q = Question.of(r, new.stretches, unseen)
     decision = trained()
-    return r, new, valid if unseen else None, judge(q, decision, decision.limit(false_alarm))
+
+    def admits(row: Row) -> bool:
+        axes = r.axes if row.axis == ALL else (row.axis,)
+        servo = row.group in ("law", "limit") or row.name == "command_late"
+        return row.group == "describe" or all(
+            x not in c.gate.nameless
+            and c.gate.admits(effect_of(row.name), x)
+            and (not servo or c.gate.asks("servo", x))
+            for x in axes
+        )
+
+    return r, new, valid if unseen else None, judge(q, decision, decision.limit(false_alarm), admits)
 
 
 def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> Diagnosis | None:

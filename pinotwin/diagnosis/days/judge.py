@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -48,8 +48,22 @@ class Judged:
     detectable: Sequence[Limit]
 
 
-def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row], Asked]:
-    """Return the case, all rows and the columns of a question beside the causes that were found."""
+def everything(row: Row) -> bool:
+    """Admit every row."""
+    del row
+    return True
+
+
+def evidence(
+    q: Question, found: Sequence[Row] = (), admits: Callable[[Row], bool] = everything
+) -> tuple[Case, list[Row], Asked]:
+    """Return the case, all rows and the columns of a question beside the causes that were found.
+
+    Args:
+        q: the question.
+        found: causes that are in the model by now.
+        admits: which rows these logs can show.
+    """
     asked = Asked(q.without(found), [x for x in found if not x.rescales])
     rows = asked.rows()
     if not found:
@@ -59,7 +73,7 @@ def evidence(q: Question, found: Sequence[Row] = ()) -> tuple[Case, list[Row], A
     rows = [
         replace(r, score=r.score - max(share * healthy.get((r.name, r.axis, r.what), 0.0), 0.0))
         for r in rows
-        if (family(r.name), r.axis) not in told
+        if (family(r.name), r.axis) not in told and admits(r)
     ]
     rows.sort(key=lambda r: -r.score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
@@ -81,13 +95,15 @@ def case_of(
     return Case.of(rows, opened, noise, logs, first=first)
 
 
-def judge(q: Question, decision: Decision, limit: float, most: int = 4) -> Judged:
+def judge(
+    q: Question, decision: Decision, limit: float, admits: Callable[[Row], bool] = everything, most: int = 4
+) -> Judged:
     """Return what has changed: causes are named while P(nothing) is below a limit."""
     found: list[Named] = []
     first: tuple[float, list[Row], Case, Asked] | None = None
     unknown, described = False, None
     while len(found) < most:
-        case, rows, asked = evidence(q, [x.row for x in found])
+        case, rows, asked = evidence(q, [x.row for x in found], admits)
         P = decision.probabilities(case)
         first = first or (float(P[0]), rows, case, asked)
         if P[0] >= limit:
