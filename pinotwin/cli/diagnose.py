@@ -38,6 +38,7 @@ def run(
     workers: int | None = None,
     meshes: str | None = None,
     effects: Repeated = (),
+    false_alarm: float = 0.02,
     out: Folder,
 ) -> Answer:
     """Diagnose, save, and say what was found, the verdict first.
@@ -54,9 +55,10 @@ def run(
             changed. Exit code 2 if a log could not be diagnosed (a line of the table; the others are done all the
             same), else 1 with --fail-on-gap and any verdict but none, else 0
         workers (N): processes of --each (default: one for each processor)
+        false_alarm (P): share of healthy logs that may be called changed (twins of three logs and more)
         out (PATH): folder for diagnosis.json and its files
     """
-    asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects))
+    asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects), false_alarm)
     if each:
         # what concerns all logs is refused here, in one line, and not in every line of the table
         _loaded(asked)
@@ -98,6 +100,7 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
         quick=asked.quick,
         report=report,
         seed=asked.seed,
+        false_alarm=asked.false_alarm,
     )
     return replace(found, provenance={**found.provenance, **stamp(began)})
 

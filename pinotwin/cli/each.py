@@ -47,6 +47,7 @@ class Asked:
     seed: int
     meshes: str | None
     effects: tuple[str, ...] = ()
+    false_alarm: float = 0.02
 
 
 @dataclass(frozen=True)

@@ -314,8 +314,8 @@ def days_of(c: Comparison, false_alarm: float) -> tuple[Reference, _Rows, _Rows 
     if r is None:
         return None
     new, valid = _Rows.of(r, c.logs), _Rows.of(r, c.validation) if c.validation else None
-    if not new.stretches or (r.laws and not all("e" in s.axes[k] for s in new.stretches for k in r.laws)):
-        return None
+    if not r.laws or not new.stretches or not all("e" in s.axes[k] for s in new.stretches for k in r.laws):
+        return None  # without the controller's law a recording and a machine look alike
     unseen = [] if valid is None else valid.stretches
     q = Question.of(r, new.stretches, unseen)
     decision = trained()
