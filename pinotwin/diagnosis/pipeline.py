@@ -92,9 +92,30 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("preparing the logs", 0.02)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
     c = compare(subject, logs, unseen)
-    days = None if leave_out or effects else diagnosed(c, seed=seed, quick=quick, false_alarm=false_alarm)
-    if days is not None:
-        return replace(days, prepared=c.among(logs), sealed=c.validation)
+    found = None if leave_out or effects else diagnosed(c, seed=seed, quick=quick, false_alarm=false_alarm)
+    if found is None:
+        own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
+        options = {
+            "quick": quick,
+            "seed": seed,
+            "leave_out": list(leave_out),
+            "closed_loop": closed_loop,
+            **own,
+        }
+        found = _by_search(c, subject, leave_out, rules, tell, options)
+    return replace(found, prepared=c.among(logs), sealed=c.validation)
+
+
+def _by_search(
+    c: Comparison,
+    subject: Machine | Twin,
+    leave_out: Sequence[str],
+    rules: Rules,
+    tell: Tell,
+    options: Mapping[str, Any],
+) -> Diagnosis:
+    """Return the diagnosis by a search forward through the catalogue, its confidence by trials."""
+    seed, quick = int(options["seed"]), bool(options["quick"])
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
@@ -106,7 +127,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     noise, kind = noise_levels(s.rest, rules)
     gaps = gap_table(s.rest, account.together, noise)
     named = _plant_named(s, account, gaps, measured, leave_out)
-    loops = _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick) if closed_loop else _Loops()
+    loops = (
+        _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick)
+        if options["closed_loop"]
+        else _Loops()
+    )
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}
@@ -114,10 +139,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
     result = _with_encoders(_with_tracking(result, loops.tracked), measured)
     result = with_open_signals(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
-    own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
-    options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)
-    return replace(result, provenance=made, prepared=c.among(logs), sealed=c.validation)
+    return replace(result, provenance=made)
 
 
 def _plant_named(

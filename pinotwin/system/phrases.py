@@ -365,6 +365,10 @@ CAUSES = {
     "command_late": ("Command recorded late", "", "record command and position by one clock"),
     "clock_scale": ("Clock at another rate", "", "record the time stamps of the controller"),
     "effort_of_another_run": ("Effort of another run", "", "record the effort with the same trigger"),
+    "rows_lost": ("Rows lost", "", "raise the logger's buffer, or log fewer channels"),
+    "rows_held": ("Rows held", "", "log at the rate of the measurements"),
+    "interpolated": ("Lines through a slower log", "", "export the log as it was measured"),
+    "frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
     "effort_frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
 }
 """Cause that is no effect of a machine file -> title, what it is, and what to do."""

@@ -84,14 +84,29 @@ class Answer:
         self.c, self.r, self.judged, self.new, self.valid = c, r, judged, new, valid
         self.recorded = [x for x in judged.named if x.row.group == "recording"]
         self.named = [x for x in judged.named if x.row.group != "recording"]
+        self.proofs = _proofs(c)
         self.closed = {k: self._closed(k) for k in r.axes}
-        together = {}
-        for name, each in self.closed.items():
-            if each:
-                together[c.machine.names.index(name)] = _sum([x for _, x in each])
-        self.together = together
+        self.together = {k: _sum([x for _, x in each]) for k, each in self.closed.items() if each}
         self.noise, self.kind = noise_levels(c)
-        self.gaps = gap_table(c, together, self.noise)
+        index = {c.machine.names.index(k): x for k, x in self.together.items()}
+        self.gaps = gap_table(c, index, self.noise)
+
+    @cached_property
+    def track(self) -> Tracked:
+        """The gap of the tracking error, simulated from the command before and after the causes."""
+        rows = [(x.row, axis_of(x.row, self.r)) for x in self.named]
+        return tracked(self.c, lambda: changed(self.c.twin, rows) if rows else (None, set()))
+
+    @property
+    def gap(self) -> dict[str, dict[str, Gap]]:
+        """The gaps of effort, tracking error, and motor against load."""
+        out = {axis: dict(row) for axis, row in self.gaps.items()}
+        for axis, gap in self.track.gaps.items():
+            if axis in out:
+                out[axis]["e"] = gap
+        for (axis, _), (between, _) in self.between.items():
+            out.setdefault(axis, {})["ql"] = between
+        return out
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
         """Return what each cause closes of the effort of an axis beside those before it."""
@@ -115,8 +130,11 @@ class Answer:
         return out
 
     def found(self) -> list[Found]:
-        """Return the named causes in the form of the contract."""
-        return [self._found(x) for x in self.named]
+        """Return the named causes in the form of the contract, what reduces its residual most first."""
+        out = [self._found(x) for x in self.named]
+        e = self.track.shrinks
+        out = [replace(x, shrink={**x.shrink, "e": e[str(x.axis)]}) if x.axis in e else x for x in out]
+        return sorted(out, key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
 
     def _found(self, x: Named) -> Found:
         axis, row = axis_of(x.row, self.r), x.row
@@ -246,13 +264,8 @@ class Answer:
             for x in self.recorded
         ]
 
-    def tracked(self) -> Tracked:
-        """Return the gap of the tracking error, simulated from the command before and after the causes."""
-        rows = [(x.row, axis_of(x.row, self.r)) for x in self.named]
-        return tracked(self.c, lambda: changed(self.c.twin, rows) if rows else (None, set()))
-
     def open(self) -> dict[str, dict[str, float]]:
-        """Return axis -> signal -> share that stays, of what no cause explains though something has changed."""
+        """Return axis -> signal -> share that stays [1], of what no cause explains though something has changed."""
         signals = {"plant": "u", "law": "e", "encoders": "ql"}
         out: dict[str, dict[str, float]] = {}
         if self.judged.unknown:
@@ -268,8 +281,11 @@ class Answer:
 
     def sentence(self, effects: Sequence[Found]) -> list[str]:
         """Return what a person reads first."""
-        if self.recorded:
-            names = [_recorded(x.row) for x in self.recorded]
+        if self.recorded or self.proofs:
+            names = [_recorded(x.row) for x in self.recorded] or [
+                f"{axis}: {effect_words(fault)}" if axis else effect_words(fault)
+                for fault, axis in self.proofs
+            ]
             return [f"The recording is at fault: {'; '.join(names)}. Mend it and diagnose again"]
         if effects:
             return [f"Has changed: {'; '.join(said(e) for e in effects)}"]
@@ -305,32 +321,44 @@ def _sum(parts: Sequence[Closed]) -> Closed:
     return total
 
 
-def days_of(c: Comparison, false_alarm: float) -> tuple[Reference, _Rows, _Rows | None, Judged] | None:
-    """Return what is judged of a twin of several days; None of one whose days nobody has seen."""
-    if not c.change or not knows_days(c.twin):
-        return None
-    names = [c.machine.names[j] for j in c.new.joints]
-    r = reference(c.twin, names)
+def _proofs(c: Comparison) -> list[tuple[str, str]]:
+    """Return what `check` proves of the recording by its rows alone: fault and axis, "" of all."""
+    found = [(f.code, f.axis) for one in c.logs for f in one.doubts if f.code in PROOFS]
+    return list(dict.fromkeys(found))
+
+
+def _judged(c: Comparison, r: Reference, new: _Rows, valid: _Rows | None, false_alarm: float) -> Judged:
+    """Return what has changed at a false-alarm rate [1]; nothing where the rows themselves are in doubt."""
+
+    def admits(row: Row) -> bool:
+        axes = r.axes if row.axis == ALL else (row.axis,)
+        servo = row.group in ("law", "limit") or row.name == "command_late"
+        shown = all(x not in c.gate.nameless and c.gate.admits(effect_of(row.name), x) for x in axes)
+        return row.group == "describe" or (
+            shown and (not servo or all(c.gate.asks("servo", x) for x in axes))
+        )
+
+    decision = trained()
+    q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
+    if _proofs(c):
+        return Judged([], 0.0, False, None, [], {}, [])
+    return judge(q, decision, decision.limit(false_alarm), admits)
+
+
+def _answer(c: Comparison, false_alarm: float) -> Answer | None:
+    """Return the answer at a false-alarm rate [1] of a twin of several days; None of one whose days are not known."""
+    r = (
+        reference(c.twin, [c.machine.names[j] for j in c.new.joints])
+        if c.change and knows_days(c.twin)
+        else None
+    )
     if r is None:
         return None
     new, valid = _Rows.of(r, c.logs), _Rows.of(r, c.validation) if c.validation else None
     if not r.laws or not new.stretches or not all("e" in s.axes[k] for s in new.stretches for k in r.laws):
         return None  # without the controller's law a recording and a machine look alike
-    unseen = [] if valid is None else valid.stretches
-    q = Question.of(r, new.stretches, unseen)
-    decision = trained()
-
-    def admits(row: Row) -> bool:
-        axes = r.axes if row.axis == ALL else (row.axis,)
-        servo = row.group in ("law", "limit") or row.name == "command_late"
-        return row.group == "describe" or all(
-            x not in c.gate.nameless
-            and c.gate.admits(effect_of(row.name), x)
-            and (not servo or c.gate.asks("servo", x))
-            for x in axes
-        )
-
-    return r, new, valid if unseen else None, judge(q, decision, decision.limit(false_alarm), admits)
+    valid = valid if valid is not None and valid.stretches else None
+    return Answer(c, r, _judged(c, r, new, valid, false_alarm), new, valid)
 
 
 def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> Diagnosis | None:
@@ -340,36 +368,22 @@ def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> D
         c: twin and logs, compared.
         seed: of everything random, for the record.
         quick: likewise.
-        false_alarm: share of healthy logs of which something may be said.
+        false_alarm: share of healthy logs of which something may be said [1].
     """
-    found = days_of(c, false_alarm)
-    if found is None:
+    a = _answer(c, false_alarm)
+    if a is None:
         return None
-    r, new, valid, judged = found
-    a = Answer(c, r, judged, new, valid)
-    effects = sorted(a.found(), key=lambda e: -max([x.share for x in e.shrink.values()], default=0.0))
-    track = a.tracked()
-    gap = {
-        axis: {**row, **({"e": track.gaps[axis]} if axis in track.gaps else {})}
-        for axis, row in a.gaps.items()
-    }
-    for (axis, _), (between, _) in a.between.items():
-        gap.setdefault(axis, {})["ql"] = between
-    effects = [
-        replace(e, shrink={**e.shrink, "e": track.shrinks[str(e.axis)]}) if e.axis in track.shrinks else e
-        for e in effects
-    ]
-    opened = a.open()
-    word: Verdict = (
-        ("partly_explained" if opened else "explained") if effects else "unexplained" if opened else "none"
-    )
+    effects, opened, gap = a.found(), a.open(), a.gap
+    word: Verdict = "partly_explained" if opened else "explained"
+    if not effects:
+        word = "unexplained" if opened else "none"
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
-    where = [x for n in a.named for x in regions(n.row, Place(r, axis_of(n.row, r), new.stretches))]
-    told = {str(e.axis) for e in effects}
+    where = [x for n in a.named for x in regions(n.row, Place(a.r, axis_of(n.row, a.r), a.new.stretches))]
+    shrink = {n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()}
     return with_open_signals(
         Diagnosis(
             verdict=word,
-            sentence=". ".join([*a.sentence(effects), *unjudged(c, told)]),
+            sentence=". ".join([*a.sentence(effects), *unjudged(c, {str(e.axis) for e in effects})]),
             gap=gap,
             where=where,
             effects=effects,
@@ -380,18 +394,14 @@ def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> D
             advice=[*advice, *resting(c.machine, {*gap, *c.gate.unknown})],
             warnings=c.gate.warnings,
             situation="change",
-            shrink={
-                n: {"u": a.together[c.machine.names.index(n)].shrink(a.gaps[n]["u"].rms, n)}
-                for n, x in a.closed.items()
-                if x
-            },
+            shrink=shrink,
             quick=quick,
             traces=a.traces(),
             machine=c.machine.name,
             subject=c.twin,
             recording=a.recording(),
-            detectable=[x.plain() for x in judged.detectable],
-            evidence=[x.plain() for x in judged.rows if x.group != "describe"][:20],
+            detectable=[x.plain() for x in a.judged.detectable],
+            evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],
             provenance=provenance(
                 c.twin, c.logs, c.validation, seed=seed, quick=quick, false_alarm=false_alarm
             ),

@@ -70,7 +70,7 @@ class Place:
         return bool(machine.rotary[machine.names.index(self.axis)])
 
     def known(self, effect: str) -> float:
-        """Return the first number that the twin has of an effect on the axis; 0 of one that it has not."""
+        """Return the first number that the twin has of an effect on the axis [its unit]; 0 of one that it has not."""
         twin = self.reference.twin
         for e, where in zip(twin.effects, twin.slices, strict=True):
             if (e.name, e.axis) == (effect, self.axis):

@@ -44,7 +44,7 @@ def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: s
 def since(
     logs: Sequence[Stretch], course: Sequence[Floats], left: Sequence[Left], key: tuple[str, str]
 ) -> Course | None:
-    """Return a cause that begins at an instant of each log; None of one that was there from the start."""
+    """Return a cause, (n,) in each log, that begins at an instant; None of one that was there from the start."""
     begin = [
         onset(s, x, y[key], level=key[1] == "encoders") for s, x, y in zip(logs, course, left, strict=True)
     ]

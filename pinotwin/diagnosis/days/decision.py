@@ -2,7 +2,7 @@
 
     P(c) = exp(w x_c + b_group) / (exp(s_none) + exp(s_unknown) + sum exp(w x_c + b_group))
 
-The weights are made by ``python -m benchmarks train`` on machines with known faults; nothing in them is set by hand.
+The weights are made by ``python -m benchmarks train`` on machines with known faults; nobody sets them.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Case:
         *,
         first: bool,
     ) -> Case:
-        """Return the case of a question's rows; a few pulses within the noise of the effort are no cause."""
+        """Return the case of a question's rows; a few pulses within the noise of the effort [1] are no cause."""
 
         def stands(r: Row) -> bool:
             few = r.group in ("time", "place") and r.spread < 8.0
@@ -78,7 +78,7 @@ class Case:
         return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)
 
     def features(self, null: Mapping[str, float]) -> Floats:
-        """Return a row for nothing, one for something unknown, and one for every cause."""
+        """Return a row for nothing, one for something unknown, and one for every cause, shape (2 + causes, k)."""
         f, g = len(FEATURES), len(GROUP_NAMES)
         X = np.zeros((len(self.causes) + 2, f + g + 8))
         top = max([r.score for r in self.causes], default=0.0)
@@ -183,7 +183,7 @@ class Decision:
         return np.asarray(share / share.sum())
 
     def limit(self, false_alarm: float) -> float:
-        """Return the P(nothing) below which something is said at a false-alarm rate, between those measured."""
+        """Return the P(nothing) [1] below which something is said at a false-alarm rate [1], between those measured."""
         rates = sorted(self.limits)
         return float(np.interp(false_alarm, rates, [self.limits[x] for x in rates]))
 

@@ -16,7 +16,7 @@ Shapes = Mapping[tuple[str, str], float]
 
 
 def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str, Floats]:
-    """Return the columns of a healthy day of one axis.
+    """Return the columns of a healthy day of one axis, equation -> (n, m).
 
     The direction of a cause that was found is known to a tenth of it: its rest is no second cause.
     """

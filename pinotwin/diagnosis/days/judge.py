@@ -90,7 +90,7 @@ def usual(r: Reference) -> dict[tuple[str, str, str], float]:
 def case_of(
     r: Reference, rows: Sequence[Row], opened: Mapping[str, float], logs: int, *, first: bool
 ) -> Case:
-    """Return rows as the decision reads them."""
+    """Return rows as the decision reads them; ``opened`` is axis and equation -> misfit over a healthy one [1]."""
     noise = {k: float(np.mean([s.axes[k]["raw"][0] for s in r.logs])) for k in r.axes}
     return Case.of(rows, opened, noise, logs, first=first)
 
@@ -98,7 +98,7 @@ def case_of(
 def judge(
     q: Question, decision: Decision, limit: float, admits: Callable[[Row], bool] = everything, most: int = 4
 ) -> Judged:
-    """Return what has changed: causes are named while P(nothing) is below a limit."""
+    """Return what has changed: causes are named while P(nothing) [1] is below a limit."""
     found: list[Named] = []
     first: tuple[float, list[Row], Case, Asked] | None = None
     unknown, described = False, None

@@ -80,7 +80,7 @@ PLAY = (
 def mechanisms(
     r: Reference, s: Stretch, name: str, left: dict[tuple[str, str], Floats], since: float
 ) -> dict[str, Acts]:
-    """Return what may act on an axis.
+    """Return what may act on an axis, columns of shape (n,) or (n, p).
 
     Args:
         r: healthy days.
@@ -149,7 +149,7 @@ def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict
 
 
 def starts(s: Stretch, name: str) -> Ints:
-    """Return the rows of the log at which the command of an axis sets out after a stand; none without a command."""
+    """Return the rows of the log at which a command sets out after a stand, shape (k,); none without a command."""
     m, j = s.motion, s.motion.names.index(name)
     if m.qr is None or not np.isfinite(m.qr[:, j]).all():
         return np.zeros(0, dtype=np.intp)
@@ -209,7 +209,7 @@ def descriptions(
     *,
     program: bool,
 ) -> dict[str, Floats]:
-    """Return smooth functions of every channel, as an effort or as dry friction, of a fifth of the effort.
+    """Return smooth functions of every channel, (n, k) each, as an effort or dry friction of a fifth of the effort.
 
     Args:
         r: healthy days.

@@ -60,7 +60,7 @@ def local(
     name: str,
     found: Shapes,
 ) -> dict[str, Local]:
-    """Return the pushes, cuts, teeth and snags of an axis that are worth a look."""
+    """Return the pushes, cuts, teeth and snags of an axis that are worth a look; columns of shape (n, p)."""
     w = _whitened(r, logs, left, name, found)
     out = {}
     pushes = _pulses(w, [(k,) for k in range(len(logs))], 8)

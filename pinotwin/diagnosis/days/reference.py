@@ -54,7 +54,7 @@ class Reference:
         return np.asarray(c["u"] - 0.5 * c["dry"])
 
     def tied(self, name: str, c: Columns) -> Floats | float:
-        """Return what a velocity loop adds that integrates the motor while the position loop watches the load."""
+        """Return what a velocity loop adds that integrates the motor while the load is watched, (n,) [N or N·m]."""
         return self.laws[name].ki * c["gap"] if name in self.closed and "gap" in c else 0.0
 
     def residuals(self, s: Stretch, only: Collection[str] | None = None) -> dict[tuple[str, str], Floats]:
@@ -210,7 +210,7 @@ def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) ->
 def shared_shape(
     columns: Sequence[Columns], left: Sequence[Floats], count: int = 60
 ) -> tuple[Floats, Floats]:
-    """Return places and the misfit that logs share there, shrunk by how far they agree on it."""
+    """Return places and the misfit that logs share there, shape (count,) each, shrunk by how far they agree."""
     q = [c["q"][c["moving"] > 0.0] for c in columns]
     q = [x if len(x) else np.zeros(1) for x in q]
     edges = np.linspace(min(x.min() for x in q), max(x.max() for x in q) + 1e-12, count + 1)

@@ -98,7 +98,7 @@ class Asked:
         )
 
     def error(self, cause: str, axis: str) -> float | None:
-        """Return the standard error of the number of a cause beside a healthy day; None where it does not act."""
+        """Return the standard error of a cause's number beside a healthy day [its unit]; None where it does not act."""
         axes = self.r.axes if cause in self.tried.wide else (axis,)
         keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
         use = [(self.cells[a][e], self.cells[a][e].at[cause]) for a, e in keys]

@@ -58,7 +58,7 @@ class Stretch:
         return out
 
     def scaled(self, factors: Mapping[str, float]) -> Stretch:
-        """Return the stretch with the efforts of some axes multiplied."""
+        """Return the stretch with the efforts of some axes multiplied by factors [1]."""
         axes = dict(self.axes)
         for name, x in factors.items():
             c = axes[name]
@@ -71,7 +71,7 @@ class Stretch:
         return np.asarray(filtfilt(b, a, x, axis=0))
 
     def taken(self, x: Floats) -> Floats:
-        """Return columns (m,) or (m, k) of the log's clock after the low-pass, on the rows that are kept."""
+        """Return columns of shape (m,) or (m, k) on the log's clock after the low-pass, on the rows that are kept."""
         return smooth(x, self.cycle)[self.rows]
 
 

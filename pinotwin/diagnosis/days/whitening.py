@@ -27,7 +27,7 @@ class Whitening:
 
     @property
     def weight(self) -> float:
-        """What a whitened row is divided by to count as one independent row."""
+        """What a whitened row is divided by to count as one independent row [unit of the equation]."""
         return self.sigma * float(np.sqrt(self.spread))
 
     def __call__(self, x: Floats) -> Floats:
