@@ -6,6 +6,7 @@ python -m benchmarks imu_chain --runs 4   # one, with its own options
 python -m benchmarks evidence PART        # measure figures of README and docs again
 python -m benchmarks gate                 # questions that the diagnosis must not get wrong
 python -m benchmarks calibrate --dry      # its limits of false alarms, from healthy machines
+python -m benchmarks train rows CASES OUT # evidence of known changes; then: train fit OUT --out WEIGHTS
 python -m benchmarks real                 # recordings of real machines, an effect withheld from the model
 """
 
@@ -27,6 +28,8 @@ def main() -> int:
         return int(importlib.import_module("benchmarks.evidence").main(words[1:]) or 0)
     if words[:1] in (["gate"], ["calibrate"], ["real"]):
         return int(importlib.import_module("benchmarks.questions.__main__").main(words))
+    if words[:1] == ["train"]:
+        return int(importlib.import_module("benchmarks.train.__main__").main(words[1:]) or 0)
     named = [word for word in words if word in known]
     if words and not named:
         sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, calibrate, real, {', '.join(known)}")

@@ -1,9 +1,7 @@
-"""Train the decision of the diagnosis on evidence rows of machines whose changes are known, whole machines left out.
+"""Train the decision on evidence rows, whole machines left out.
 
-    python -m benchmarks.train ROWS.jsonl [...] [--out WEIGHTS.json]
-
-A line of ROWS is a question: machine, case, kind, open, noise, logs, rows (each with ``right``), and the rows beside the
-best right cause (``second``). Printed is what is said on machines that the weights have not seen.
+A line of a file of rows is a question: machine, case, kind, open, noise, logs, rows (each with ``right``), and the rows
+beside the best right cause (``second``). Printed is what is said on machines that the weights have not seen.
 """
 
 from __future__ import annotations
@@ -245,7 +243,8 @@ def table(said: Sequence[Mapping[str, Any]]) -> None:
         p, ok = np.array([x["sure"] for x in named]), np.array([x["right"] for x in named])
         print(
             f"false alarm {rate:.2f}: healthy spoken of {sum(well)}/{len(well)}; right {sum(ill)}/{len(ill)}; "
-            f"named {len(named)}, wrong {int((~ok).sum())}; ECE {calibration(p, ok):.3f}, AUC {discrimination(p, ok):.3f}"
+            f"named {len(named)}, wrong {int((~ok).sum())}; "
+            f"ECE {calibration(p, ok):.3f}, AUC {discrimination(p, ok):.3f}"
         )
 
 
@@ -264,50 +263,52 @@ def discrimination(p: Floats, right: Floats) -> float:
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b))) if len(a) and len(b) else float("nan")
 
 
-def main() -> None:
+def written(lines: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write the weights of all lines."""
+    d = trained_on(lines)
+    data = {
+        "mean": d.mean.tolist(),
+        "scale": d.scale.tolist(),
+        "weights": d.weights.tolist(),
+        "null": dict(d.null),
+        "limits": {str(k): x for k, x in limits(lines).items()},
+        "machines": sorted({x["machine"] for x in lines}),
+        "questions": len(lines),
+    }
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def wrong(said: Sequence[Mapping[str, Any]]) -> None:
+    """Print what goes wrong."""
+    for x in said:
+        line, limit = x["line"], x["limits"][RATES[0]]
+        extra = x["extra"] if x["extra"] and x["extra"][0] < limit else None
+        if (x["nothing"] < limit) == healthy(line) or not (x["right"] or healthy(line)) or extra:
+            best = [(r["name"], r["axis"], round(r["score"]), r["right"]) for r in line["rows"][:5]]
+            print(
+                line["machine"],
+                line["case"],
+                f"{x['nothing']:.3f} < {limit:.3f}",
+                x["name"],
+                x["axis"],
+                extra,
+                best,
+            )
+
+
+def main(words: Sequence[str]) -> None:
     """Train, print the table, write the weights."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("rows", nargs="+", type=Path)
-    parser.add_argument("--out", type=Path)
+    parser = argparse.ArgumentParser(prog="benchmarks train fit", description="train the decision")
+    parser.add_argument("rows", nargs="+", type=Path, help="files of rows, or folders of them")
+    parser.add_argument("--out", type=Path, help="where the weights go")
     parser.add_argument("--wrong", action="store_true", help="print what goes wrong")
-    options = parser.parse_args()
-    lines = [json.loads(x) for path in options.rows for x in path.read_text(encoding="utf-8").splitlines()]
+    options = parser.parse_args(words)
+    files = [f for p in options.rows for f in (sorted(p.glob("*.jsonl")) if p.is_dir() else [p])]
+    lines = [json.loads(x) for f in files for x in f.read_text(encoding="utf-8").splitlines()]
     said = left_out(lines)
     table(said)
     outside(lines)
-    for x in said if options.wrong else ():
-        speaks = x["nothing"] < x["limits"][RATES[0]]
-        if (
-            speaks == healthy(x["line"])
-            or not (x["right"] or healthy(x["line"]))
-            or (x["extra"] and x["extra"][0] < x["limits"][RATES[0]])
-        ):
-            print(
-                x["line"]["machine"],
-                x["line"]["case"],
-                f"none {x['nothing']:.3f} < {x['limits'][RATES[0]]:.3f}",
-                x["name"],
-                x["axis"],
-                round(x["score"]),
-                f"{x['sure']:.2f}",
-                x["extra"],
-                [(r["name"], r["axis"], round(r["score"]), r["right"]) for r in x["line"]["rows"][:5]],
-            )
+    if options.wrong:
+        wrong(said)
     if options.out:
-        d = trained_on(lines)
-        data = {
-            "mean": d.mean.tolist(),
-            "scale": d.scale.tolist(),
-            "weights": d.weights.tolist(),
-            "null": dict(d.null),
-            "limits": {str(k): x for k, x in limits(lines).items()},
-            "machines": sorted({x["machine"] for x in lines}),
-            "questions": len(lines),
-        }
-        options.out.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+        written(lines, options.out)

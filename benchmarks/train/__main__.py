@@ -1,0 +1,20 @@
+"""``python -m benchmarks train rows CASES OUT``, then ``python -m benchmarks train fit OUT --out WEIGHTS.json``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from benchmarks.train import fit, rows
+
+
+def main(words: Sequence[str]) -> None:
+    """Make rows of cases, or train on rows."""
+    steps = {"rows": rows.main, "fit": fit.main}
+    if not words or words[0] not in steps:
+        sys.exit(__doc__)
+    steps[words[0]](words[1:])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
