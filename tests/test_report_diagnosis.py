@@ -15,7 +15,7 @@ from pinotwin.cli.diagnose import cause_lines, gap_lines
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.conclusion.sizes import times_text, told
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.grade import KIND, printed
+from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import explanation, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
@@ -25,6 +25,7 @@ from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
+from pinotwin.system.phrases import STATES
 from pinotwin.viewer.gap import gap_page
 from tests.test_report import figures, read
 
@@ -99,20 +100,24 @@ UNEXPLAINED = diagnosis(
 def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -> None:
     page = diagnosis_report(given)
     assert all(x.startswith(("#", "data:")) for x in read(page).loaded)
-    assert page.index(headline(given)[0].split(",")[0]) < page.index("<table" if given.where else "<ul")
+    assert page.index(headline(given)[0].split(" (")[0]) < page.index("<table" if given.where else "<ul")
     assert "quadratic_drag" not in page
     assert not any("nan" in cell.split() for row in read(page).rows for cell in row)
 
 
 def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
-    assert "Y: quadratic drag is missing from the model, b2 12 N·s²/m²." in first
+    assert (
+        "Y: quadratic drag is missing from the model: drag coefficient 12 N·s²/m² (90 %: 10 to 14)." in first
+    )
     assert "the residual falls from 5 to 3.4 N RMS (validated on the log)" in first
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
     assert "validated on new.csv" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
     assert "does not reduce the residual" in headline(replace(EXPLAINED, effects=[hint]))[0]
-    assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Y: quadratic drag appeared, b2 ")
+    assert headline(replace(EXPLAINED, situation="change"))[0].startswith(
+        "Y: quadratic drag appeared: drag coefficient 12 "
+    )
     assert "no missing effect found" in headline(diagnosis())[0]
     assert "no change found" in headline(replace(diagnosis(), situation="change"))[0]
     assert "axis Y, and no known effect" in headline(UNEXPLAINED)[0]
@@ -135,16 +140,12 @@ def test_one_grade_in_card_plot_text_and_json() -> None:
         for axis, row in given.gap.items():
             word = given.grade(axis, "u")
             assert given.to_dict()["gap"][axis]["u"]["grade"] == word
-            assert f"Axis {axis}, motor effort: {printed(word)}" in page
-            card = page[page.index(f"<h3>Axis {axis}</h3>") :]
-            assert card.index(f">{printed(word)}</span>") < min(
-                (
-                    card.index(f">{w}</span>")
-                    for w in map(printed, KIND)
-                    if w != printed(word) and f">{w}</span>" in card
-                ),
-                default=len(card),
-            )
+            card = page[page.index(f"<h3>Axis {axis} ") :]
+            state = STATES[given.situation][given.state(axis)]
+            assert card.index(f">{state}</span>") < card.index("</h3>")
+            note = card[card.index('<div class="note"') :]
+            assert note[note.index(">") + 1 :].startswith(f"{printed(word)} · ")
+            assert given.to_dict()["state"][axis] == given.state(axis)
             assert any(
                 line.startswith(f"{axis}.u") and line.endswith(printed(word))
                 for line in gap_lines(replace(given, gap={axis: row}))

@@ -10,7 +10,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.result import Diagnosis, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
@@ -21,6 +20,7 @@ from pinotwin.report.diagnosis_plots import gap_figure, shown, spectrum_figure
 from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
 from pinotwin.report.figures import against_figure
 from pinotwin.studies.overlay import Against
+from pinotwin.system.phrases import STATES
 
 if TYPE_CHECKING:
     from pinotwin.viewer.still import Still
@@ -102,7 +102,7 @@ def _figure(d: Diagnosis, machine: Machine, drawn: Still, high: float = 24.0, wi
     for (x, y), name in sorted(places, key=lambda place: place[0][1]):
         left = x < 0.5 * width
         low = last[left] = max(min(max(y, 16.0), height - 12.0), last[left] + high)
-        word = f"{name} · {printed(grade_of(d, name))}"
+        word = f"{name} · {STATES[d.situation][d.state(name)]}"
         inner = min(wide * len(word), 0.4 * width)
         edge, to = (6, 10.0 + inner) if left else (width - 6, width - 10.0 - inner)
         anchor = "start" if left else "end"

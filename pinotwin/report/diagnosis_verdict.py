@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
-from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
-from pinotwin.diagnosis.grade import KIND, Grade, printed
-from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence
-from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
-from pinotwin.log import Log
+from pinotwin.diagnosis.conclusion.sizes import change_text, told
+from pinotwin.diagnosis.grade import Grade, printed
+from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence, region_words
+from pinotwin.diagnosis.result import Diagnosis, Found, Region, Shrink
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.display import scale_of
-from pinotwin.system.phrases import DIAGNOSED, MEANING, SIGNALS, joined
+from pinotwin.system.phrases import DIAGNOSED, MEANING, SIGNALS, STATES, joined
 from pinotwin.twin import Twin
 
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
@@ -74,11 +72,10 @@ def _possible(d: Diagnosis) -> list[str]:
 
 def _cause(d: Diagnosis, e: Found) -> str:
     """Return a cause with its size and what it explains of the residual."""
-    sizes, name = told(e.size), effect_words(e.effect)
-    times = times_text(sizes[0]) if len(sizes) == 1 else ""
-    size = first_text(e) + (f" ({times})" if times else "")
-    did = moved(sizes) if d.situation == "change" else DIAGNOSED["missing"]
-    said = f"{e.axis or d.machine}: {name} {did}{f', {size}' if size else ''}."
+    did = moved(told(e.size)) if d.situation == "change" else DIAGNOSED["missing"]
+    time = event(d, e)
+    when = f", {region_words(time)}" if time else ""
+    said = f"{e.axis or d.machine}: {effect_words(e.effect)} {did}{change_text(e)}{when}."
     signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
     if shrink is None:
@@ -97,6 +94,12 @@ def _cause(d: Diagnosis, e: Found) -> str:
         data=data,
     )
     return f"{said} {falls}"
+
+
+def event(d: Diagnosis, e: Found) -> Region | None:
+    """Return when a cause took place that was an event: one that no other stretch holds; None for another."""
+    once = e.effect == "external_force" or any(x.on == "fitted logs" for x in e.shrink.values())
+    return next((r for r in d.where if once and r.kind == "time" and r.axis == e.axis), None)
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
@@ -142,15 +145,30 @@ def axis_cards(d: Diagnosis) -> Html:
     cards = []
     for axis, row in d.gap.items():
         parts = tuple(_card(d, axis, signal) for signal in row)
-        cards.append(Tile(heading=f"Axis {axis}", parts=parts))
+        cards.append(Tile(heading=f"Axis {axis}", parts=parts, **_state(d, axis)))
     return tiles(cards)
+
+
+def _state(d: Diagnosis, axis: str, signal: str | None = None) -> dict[str, str]:
+    """Return word and colour of the state of an axis, or of one of its signals."""
+    state = d.state(axis, signal)
+    kind = {"changed": "bad", "unchanged": "good"}.get(state, "")
+    return {"label": STATES[d.situation][state], "kind": kind}
+
+
+def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
+    """Return words and colour of the state of every axis, the changed first; of many the others together."""
+    order = ("changed", "cannot say", "unchanged")
+    rows = sorted(d.gap, key=lambda axis: order.index(d.state(axis)))
+    said = [(f"{axis} {x['label']}", x["kind"]) for axis in rows[:most] for x in [_state(d, axis)]]
+    return said + ([(f"{len(rows) - most} more", "")] if len(rows) > most else [])
 
 
 def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
     g, word = d.gap[axis][signal], d.grade(axis, signal)
     scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
     now = f"{g.rms * scale.factor:.3g} → {scale.text(g.after)}" if word in ACTS else scale.text(g.rms)
-    beside = [f"{display.percent(g.nrmse)} of the signal"]
+    beside = [printed(word), f"{display.percent(g.nrmse)} of the signal"]
     if g.noise > 0.0:
         beside.append(f"noise {g.noise * scale.factor:.3g}")
     if g.misfit == g.misfit:
@@ -158,7 +176,7 @@ def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
     if g.expected > g.misfit:
         beside.append(f"expected here {scale.text(g.expected)}")
     name, small = SIGNALS.get(signal, signal), signal != "u"
-    return Tile(name, now, " · ".join(beside), printed(word), KIND[word], MEANING[word], small)
+    return Tile(name, now, " · ".join(beside), hint=MEANING[word], small=small)
 
 
 def machine_of(d: Diagnosis) -> Machine | None:
@@ -174,9 +192,3 @@ def rotary_axes(d: Diagnosis) -> dict[str, bool]:
         return dict(zip(machine.names, machine.rotary, strict=True))
     turning = {"rad", "rad/s", "rad/s²", "N·m"}
     return {r.axis: r.unit in turning for r in d.where if r.kind not in ("time", "frequency", "other_axis")}
-
-
-def source_names(d: Diagnosis, logs: Sequence[Log]) -> list[str]:
-    """Return the names of the files that were diagnosed."""
-    known = [Path(str(row["source"])).name for row in d.provenance.get("logs", ())]
-    return known or [Path(log.source).name for log in logs]

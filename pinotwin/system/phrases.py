@@ -206,6 +206,33 @@ DIAGNOSED = {
 }
 """What the page of `diagnose` says first; under a grade, what is said of an axis with it."""
 
+CHANGED = {"times": "to {after} times its value", "from": "from {before} to {after}"}
+"""How far the number of a cause moved."""
+
+SCREEN = {
+    "sure": "{sure:.0%} for {cause}",
+    "rival": "; next: {rival}, {chance:.0%}",
+    "alike": "; these logs cannot distinguish it from {others}",
+    "agrees": "The largest residual is that of {axis}: {rms} RMS, {expected} expected.",
+    "open": "{axis}: residual {rms} RMS, {expected} expected. No cause is sure enough to be named.",
+    "unjudged": "{axis}: residual {rms} RMS; what to expect is not known.",
+    "logs": "{logs}{valid}; compared with {reference}.",
+    "valid": ", validated on {logs}",
+    "twin": "the twin identified from {logs}",
+    "model": "the machine's model, fitted to them",
+    "keep": "Nothing needs repair. Keep this log as a reference for later ones.",
+    "again": "Record the motion again to confirm the finding.",
+    "picture": "Axis {axis}: motor effort where the difference is largest",
+    "stretch": "{start:.4g} to {end:.4g} s of {log}; below, measured minus predicted.",
+}
+"""The first screen of the page of `diagnose`: how sure, on which data, what to do now, and its picture."""
+
+STATES = {
+    "change": {"changed": "changed", "unchanged": "unchanged", "cannot say": "cannot say"},
+    "structure": {"changed": "unlike its model", "unchanged": "as its model", "cannot say": "cannot say"},
+}
+"""Situation -> state of an axis -> the words that people read."""
+
 DAYS = {
     "title": "State of every axis",
     "same": "unchanged",
