@@ -22,6 +22,7 @@ from pinotwin.report.display import number, percent, rounded, scale_of
 from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.verdict import bodies, cautions, headline
+from pinotwin.system.templates import asset
 from pinotwin.twin import Parameter, Twin
 from tests.test_studies import identified, recorded, trunnion
 
@@ -123,14 +124,12 @@ def test_values_of_undetermined_parameters_stay_out_of_the_sort_keys() -> None:
 
 
 def test_plotly_is_packed_once_and_whole() -> None:
-    from plotly.offline import get_plotlyjs
-
     page = report()
     assert page.count('id="plotly-packed"') == 1
     packed = re.search(r'data-size="(\d+)">([^<]+)</script>', page)
     assert packed is not None
     text = zlib.decompress(base64.b64decode(packed[2]), -zlib.MAX_WBITS)
-    assert text.decode() == get_plotlyjs()
+    assert text.decode() == asset("pinotwin.report", "plotly-basic.min.js")
     assert len(text) == int(packed[1])
 
 

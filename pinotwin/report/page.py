@@ -9,6 +9,7 @@ page has a plot. A figure may use the colours of the style sheet, written ``var(
 from __future__ import annotations
 
 import base64
+import json
 import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -70,12 +71,18 @@ def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:
     return [table(("file", "what it holds"), rows)] if rows else []
 
 
+def plotly(figures: Sequence[str]) -> tuple[int, str]:
+    """Return the size of the part of plotly that draws figures, given as JSON, and its script packed."""
+    kinds = {trace.get("type", "scatter") for text in figures for trace in json.loads(text)["data"]}
+    return _packed(basic=kinds <= {"scatter", "bar"})
+
+
 @cache
-def plotly() -> tuple[int, str]:
-    """Return the size of plotly's script, and the script deflated and as base64."""
+def _packed(*, basic: bool) -> tuple[int, str]:
+    """Return the size of plotly's script, a part of it (plotly-basic 4.1.1) or all, and it deflated, as base64."""
     from plotly.offline import get_plotlyjs
 
-    text = get_plotlyjs().encode()
+    text = (asset("pinotwin.report", "plotly-basic.min.js") if basic else get_plotlyjs()).encode()
     deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     return len(text), base64.b64encode(deflate.compress(text) + deflate.flush()).decode()
 
