@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Size
 from pinotwin.effects.position import PositionTable
 from pinotwin.system.phrases import CHANGED, NUMBERS
@@ -165,18 +166,12 @@ def change_text(found: Found) -> str:
     table = "points" in sizes[0].name
     first = max(sizes, key=lambda s: abs(s.after)) if table else sizes[0]
     span, times = interval_text(first, 3), times_text(first)
-    about = ", ".join(
-        x for x in (f"90 %: {span}" if span != "–" else "", times if first.unit != "-" else "") if x
-    )
-    if first.unit == "-" and first.before == 1.0:
-        text = CHANGED["times"].format(after=now_text(first, 3))
-    elif np.isfinite(first.before) and first.before != 0.0:
-        text = CHANGED["from"].format(
-            before=_number(in_shown_unit(first).before, 3), after=now_text(first, 3)
-        )
-    else:
-        return (
-            f": {name_words(first)} {now_text(first, 3)} ({about}){_place(found) if table else _pitch(found)}"
-        )
+    about = [f"90 %: {span}"] * (span != "–") + [times] * (first.unit != "-" and bool(times))
+    rest = (f" ({', '.join(about)})" if about else "") + (_place(found) if table else _pitch(found))
+    was, now = _number(in_shown_unit(first).before, 3), now_text(first, 3)
+    if not np.isfinite(first.before) or first.before == 0.0:
+        name = "" if name_words(first) == effect_words(found.effect) else f"{name_words(first)} "
+        return f": {name}{now}{rest}"
+    form = CHANGED["times" if first.unit == "-" and first.before == 1.0 else "from"]
     name = f", {name_words(first)}" if len(sizes) > 1 else ""
-    return f"{name} {text} ({about}){_place(found) if table else _pitch(found)}"
+    return f"{name} {form.format(before=was, after=now)}{rest}"
