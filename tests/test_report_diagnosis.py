@@ -25,6 +25,8 @@ from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
+from pinotwin.report.display import number, scale_of
+from pinotwin.report.first_screen import loudest
 from pinotwin.system.phrases import STATES
 from pinotwin.viewer.gap import gap_page
 from tests.test_report import figures, read
@@ -319,3 +321,27 @@ def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> N
     pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
     assert pages[0] == pages[1]
     assert "Y explained" in pages[0]
+
+
+def test_numbers_read_as_people_write_them() -> None:
+    assert number(1970.0, "N") == "1970 N"
+    assert scale_of("e", False, 1.97e-3).text(1.97e-3) == "1.97 mm"
+    assert {scale_of(signal, True, 1e-5).unit for signal in ("q", "ql", "e")} == {"mdeg"}
+
+
+def test_an_event_says_when() -> None:
+    push = replace(found("external_force"), size=[Size("largest disturbance", 0.0, 5.0, "N", (4.0, 6.0))])
+    time = Region("Y", "u", "time", (4.1, 4.9), "s", 0.6, 0.06, 0.01)
+    first = headline(replace(EXPLAINED, effects=[push], where=[time], situation="change"))[0]
+    assert (
+        "external force appeared: largest disturbance 5 N (90 %: 4 to 6), 4.1 to 4.9 s into the log." in first
+    )
+    assert "into the log" not in headline(replace(EXPLAINED, where=[time]))[0]
+
+
+def test_the_picture_shows_the_stretch_where_the_difference_is_largest() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    one = Traces("Y", 0, t, np.where((t > 6.0) & (t < 6.5), 5.0, 0.1), 0.0 * t)
+    rows = loudest(one)
+    assert rows.stop - rows.start == 100
+    assert t[rows][0] <= 6.0 < 6.5 <= t[rows][-1]

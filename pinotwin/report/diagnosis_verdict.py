@@ -56,7 +56,10 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
 def _controllers(d: Diagnosis) -> list[str]:
     """Return what is said of controllers whose law is gone."""
     looks = {axis: plain_sentence(d.remains[axis]) for axis in _gone(d)}
-    return [DIAGNOSED["controller"].format(axis=axis, looks=text) for axis, text in looks.items()]
+    return [
+        DIAGNOSED["controller"].format(axis=axis, looks=text.removeprefix("it "))
+        for axis, text in looks.items()
+    ]
 
 
 def _gone(d: Diagnosis) -> list[str]:
@@ -75,8 +78,10 @@ def _cause(d: Diagnosis, e: Found) -> str:
     did = moved(told(e.size)) if d.situation == "change" else DIAGNOSED["missing"]
     time = event(d, e)
     when = f", {region_words(time)}" if time else ""
-    said = f"{e.axis or d.machine}: {effect_words(e.effect)} {did}{change_text(e)}{when}."
-    signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
+    said = (
+        f"{e.axis or d.machine}: {effect_words(e.effect)} {did}{change_text(e)}{_position_gain(d, e)}{when}."
+    )
+    signal = next((x for x in ("u", "v", "ql", "e") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
     if shrink is None:
         return said
@@ -88,12 +93,22 @@ def _cause(d: Diagnosis, e: Found) -> str:
     others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
     falls = DIAGNOSED["falls"].format(
         modelled=DIAGNOSED["alone" if others else "modelled"],
-        residual="the residual" if axis == e.axis else f"the residual of {axis}",
-        before=f"{shrink.before * scale.factor:.3g}",
+        residual=DIAGNOSED["residual" if signal == "u" else "signal"].format(signal=SIGNALS[signal])
+        + ("" if axis == e.axis else f" of {axis}"),
+        before=display.number(shrink.before * scale.factor),
         after=scale.text(shrink.after),
         data=data,
     )
     return f"{said} {falls}"
+
+
+def _position_gain(d: Diagnosis, e: Found) -> str:
+    """Return the position gain before and now, where a factor of it was found and the twin knows the gain."""
+    servo = d.subject.servos.get(e.axis) if isinstance(d.subject, Twin) else None
+    if e.effect != "position_gain" or servo is None or servo.form == "pid" or not e.size:
+        return ""
+    kp = servo.named()["kp"]
+    return DIAGNOSED["gain"].format(before=kp, after=kp * e.size[0].after)
 
 
 def event(d: Diagnosis, e: Found) -> Region | None:
@@ -124,8 +139,8 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
             continue
         scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
         times = g.rms / g.expected if g.expected else math.nan
-        sizes = {"rms": scale.text(g.rms), "after": f"{g.after * scale.factor:.3g}", "times": times}
-        looks = f" It {plain_sentence(why)}." if why else ""
+        sizes = {"rms": scale.text(g.rms), "after": display.number(g.after * scale.factor), "times": times}
+        looks = f" It {plain_sentence(why).removeprefix('it ')}." if why else ""
         if word in DIAGNOSED:
             out.append(DIAGNOSED[word].format(axis=axis, why=why, looks=looks, **sizes))
     return out
@@ -167,10 +182,14 @@ def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
 def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
     g, word = d.gap[axis][signal], d.grade(axis, signal)
     scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
-    now = f"{g.rms * scale.factor:.3g} → {scale.text(g.after)}" if word in ACTS else scale.text(g.rms)
+    now = (
+        f"{display.number(g.rms * scale.factor)} → {scale.text(g.after)}"
+        if word in ACTS
+        else scale.text(g.rms)
+    )
     beside = [printed(word), f"{display.percent(g.nrmse)} of the signal"]
     if g.noise > 0.0:
-        beside.append(f"noise {g.noise * scale.factor:.3g}")
+        beside.append(f"noise {display.number(g.noise * scale.factor)}")
     if g.misfit == g.misfit:
         beside.append(f"validation error {scale.text(g.misfit)}")
     if g.expected > g.misfit:

@@ -80,7 +80,7 @@ def number(x: float, unit: str = "") -> str:
     """Return a number with three significant digits and its unit."""
     if not math.isfinite(x):
         return "not known"
-    return f"{x:z.3g} {unit}".strip()
+    return f"{x:z{'.3g' if abs(x) < 999.5 else '.0f'}} {unit}".strip()
 
 
 def seconds(x: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pinotwin.diagnosis.grade import OPEN, left_anyway
 from pinotwin.diagnosis.phrases import label_words, on_axis
 from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
 from pinotwin.errors import PinotwinError
@@ -15,7 +16,7 @@ from pinotwin.report.diagnosis_plots import shown
 from pinotwin.report.diagnosis_verdict import event, rotary_axes
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
-from pinotwin.system.phrases import SCREEN, joined
+from pinotwin.system.phrases import SCREEN, SIGNALS, joined
 from pinotwin.twin import Twin
 
 
@@ -34,15 +35,22 @@ def how_sure(d: Diagnosis) -> list[str]:
         if alike:
             said += SCREEN["alike"].format(others=joined([*map(label_words, alike)]))
         out.append(f"{said}.")
-    if out or not d.gap:
-        return out
-    axis, gap = max(_efforts(d).items(), key=lambda row: _over(row[1]), default=("", None))
-    if gap is None:
-        return []
-    scale = scale_of("u", rotary_axes(d).get(axis, False), gap.rms)
-    level = float(np.hypot(gap.expected, gap.noise)) if gap.expected == gap.expected else gap.noise
-    form = "open" if d.state(axis) == "changed" else "agrees" if level > 0.0 else "unjudged"
-    return [SCREEN[form].format(axis=axis, rms=scale.text(gap.rms), expected=scale.text(level))]
+    return out or _held_against(d)
+
+
+def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
+    """Return residual and expected error of every open signal, else of the one where they are nearest."""
+    rows = [(axis, s, g) for axis, row in d.gap.items() for s, g in row.items()]
+    still = [row for row in rows if d.grade(row[0], row[1]) in OPEN]
+    efforts = [row for row in rows if row[1] == "u"] or rows
+    out = []
+    for axis, signal, g in still[:most] or sorted(efforts, key=lambda row: _over(row[2]))[-1:]:
+        scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
+        level = left_anyway(g.noise, g.expected)
+        form = "unjudged" if not level else "open" if still else "agrees"
+        given = {"axis": axis, "signal": SIGNALS[signal], "rms": scale.text(g.rms)}
+        out.append(SCREEN[form].format(**given, expected=scale.text(level)))
+    return out
 
 
 def _efforts(d: Diagnosis) -> dict[str, Gap]:
