@@ -19,6 +19,7 @@ from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import explanation, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
+from pinotwin.effects.position import PositionTable
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
@@ -28,7 +29,8 @@ from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.display import number, scale_of
 from pinotwin.report.first_screen import loudest
 from pinotwin.system.phrases import STATES
-from pinotwin.viewer.gap import gap_page
+from pinotwin.viewer.gap import gap_page, mark, shade
+from pinotwin.viewer.scene import draw, visual_model
 from tests.test_report import figures, read
 
 GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.1)
@@ -320,7 +322,7 @@ def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> N
     given = replace(EXPLAINED, subject=machine)
     pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
     assert pages[0] == pages[1]
-    assert "Y explained" in pages[0]
+    assert "Y unlike its model" in pages[0]
 
 
 def test_numbers_read_as_people_write_them() -> None:
@@ -344,4 +346,20 @@ def test_the_picture_shows_the_stretch_where_the_difference_is_largest() -> None
     one = Traces("Y", 0, t, np.where((t > 6.0) & (t < 6.5), 5.0, 0.1), 0.0 * t)
     rows = loudest(one)
     assert rows.stop - rows.start == 100
-    assert t[rows][0] <= 6.0 < 6.5 <= t[rows][-1]
+    assert t[rows][0] <= 6.0 < 6.48 <= t[rows][-1]
+
+
+def test_the_machine_page_shows_where_a_defect_is_and_which_way_a_force_acts() -> None:
+    machine, t = Machine.load("trunnion"), np.arange(0.0, 2.0, 0.002)
+    log = Log({"t": t} | {f"{a}.{x}": np.sin(2.0 * t) for a in machine.axes for x in "qu"})
+    push = replace(found("external_force"), size=[Size("largest disturbance", 0.0, -5.0, "N", (-6.0, -4.0))])
+    table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
+    heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
+    tooth = replace(found("position_table", "A"), listed=table, size=heights)
+    drawn = draw(machine.model, visual_model(machine.model, machine.urdf, ()))
+    mark(drawn, replace(EXPLAINED, effects=[push, tooth]), machine)
+    paths = {path for _, path, _ in drawn.page.messages}
+    assert any(path.endswith("Y/arrow/head") for path in paths)
+    assert any(path.endswith("place A") for path in paths)
+    assert shade(EXPLAINED, "Y") != shade(EXPLAINED, "A")
+    assert len(gap_page(replace(EXPLAINED, subject=machine, effects=[push]), machine, log)) > 1e5

@@ -76,8 +76,7 @@ def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
 
 
 def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
-    from pinotwin.viewer.gap import COLOURS  # half a second of meshcat, which other pages do not need
-    from pinotwin.viewer.meshes import GREY
+    from pinotwin.viewer.gap import shade  # half a second of meshcat, which other pages do not need
     from pinotwin.viewer.scene import visual_model
     from pinotwin.viewer.still import still
 
@@ -88,7 +87,7 @@ def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
             x = log.channels.get(f"{name}.q")
             if x is not None and np.isfinite(x).any():
                 q[rigid.model.joints[rigid.model.getJointId(axis.joint)].idx_q] = float(np.nanmedian(x))
-    colours = {axis.joint: COLOURS.get(grade_of(d, name), GREY) for name, axis in rigid.axes.items()}
+    colours = {axis.joint: shade(d, name) for name, axis in rigid.axes.items()}
     return still(rigid.model, visual_model(rigid.model, rigid.urdf, rigid.meshes), q, colours)
 
 

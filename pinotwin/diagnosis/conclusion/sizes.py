@@ -141,11 +141,17 @@ def _pitch(found: Found) -> str:
 
 def _place(found: Found) -> str:
     """Return where along the travel a table is largest."""
+    place = place_of(found)
+    turns = isinstance(found.listed, PositionTable) and found.listed.rotary
+    return "" if place is None else f" at {_along(place, 'rad' if turns else 'm')}"
+
+
+def place_of(found: Found) -> float | None:
+    """Return where along the travel a table is largest [m or rad]; None for another cause."""
     table = found.listed
     if not isinstance(table, PositionTable) or len(table.knots) != len(found.size):
-        return ""
-    at = max(range(len(found.size)), key=lambda k: abs(found.size[k].after))
-    return f" at {_along(float(table.knots[at]), 'rad' if table.rotary else 'm')}"
+        return None
+    return float(table.knots[max(range(len(found.size)), key=lambda k: abs(found.size[k].after))])
 
 
 def _along(x: float, unit: str) -> str:
