@@ -133,6 +133,18 @@ def test_plotly_is_packed_once_and_whole() -> None:
     assert len(text) == int(packed[1])
 
 
+def test_an_array_of_several_traces_is_on_the_page_once() -> None:
+    x = np.arange(500.0)
+    page = Page("T").section(
+        "S", Plot(over_time(x, [Panel("p", [Line("a", x, "#111"), Line("b", -x, "#222")])], 300))
+    )
+    found, held = figures(page.html()), re.search(r'id="arrays">([^<]+)<', page.html())
+    assert held is not None
+    once = np.frombuffer(base64.b64decode(held[1].split()[0]), dtype="f4")
+    assert [trace["x"]["bdata"] for trace in found[0]["data"]] == ["@0", "@0"]
+    np.testing.assert_array_equal(once, x)
+
+
 def test_plots_of_a_report_cover_the_evidence() -> None:
     found = figures(report())
     names = {trace.get("name") for figure in found for trace in figure["data"]}
@@ -168,6 +180,11 @@ def test_headline_says_how_good_and_on_what() -> None:
         "Cross-validated on the log, the twin predicts the motor effort "
         "very well on Y and poorly on A. The largest error is on A: 45.6 % of its standard "
         "deviation (1 N·m RMS)."
+    )
+    command = {"use": "coupled", "held_out": {"coupled": 0.08}, "tracking": 0.12}
+    assert headline(replace(twin, quality={**quality, "simulation": command})) == (
+        f"{said} From the command alone it predicts the effort very well (error 4.0 % of its RMS), the tracking "
+        "error fairly (12.0 %). This was judged on the last part of the log."
     )
     quality["axes"]["A"]["validation"] = {"rms": 0.1, "nrmse": 0.02, "nrmse_std": 0.03}
     quality["axes"]["Y"]["validation"] = {"rms": 1.0, "nrmse": 0.02, "nrmse_std": 0.02}

@@ -12,6 +12,7 @@ import base64
 import json
 import re
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -56,7 +57,13 @@ class Page:
     def html(self) -> str:
         """Return the page as one text."""
         writer = _Writer()
-        tools = {"show": writer.show, "plot": writer.plot, "section": writer.section, "plotly": plotly}
+        tools = {
+            "show": writer.show,
+            "plot": writer.plot,
+            "section": writer.section,
+            "plotly": plotly,
+            "shared": shared,
+        }
         own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
         own |= {"beside": files_block(self.files), "provenance": macro("provenance", self.made)}
         looks = {"css": asset("pinotwin.report", "page.css"), "script": asset("pinotwin.report", "page.js")}
@@ -75,6 +82,14 @@ def plotly(figures: Sequence[str]) -> tuple[int, str]:
     """Return the size of the part of plotly that draws figures, given as JSON, and its script packed."""
     kinds = {trace.get("type", "scatter") for text in figures for trace in json.loads(text)["data"]}
     return _packed(basic=kinds <= {"scatter", "bar"})
+
+
+def shared(figures: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return figures, given as JSON, and the arrays that stand in them more than once, there as ``@`` and a number."""
+    held = re.compile(r'(?<="bdata":")[^"@]{99,}(?=")')
+    often = [x for x, times in Counter(held.findall("\n".join(figures))).items() if times > 1]
+    number = {x: f"@{k}" for k, x in enumerate(often)}
+    return [held.sub(lambda m: number.get(m[0], m[0]), text) for text in figures], often
 
 
 @cache

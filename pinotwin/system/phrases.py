@@ -157,6 +157,8 @@ IDENTIFIED = {
     "one": "{where}, the twin predicts the motor effort of {worst} to {size}.",
     "several": "{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}.",
     "size": "{share} of its standard deviation ({rms} RMS)",
+    "command": "From the command alone it predicts the effort {effort} (error {of_effort} of its RMS), the tracking "
+    "error {tracking} ({of_tracking}). This was judged on the last part of the log.",
     "validation": "On the validation log",
     "held_out": "Cross-validated on the log",
     "tile": "{rms} RMS · {share} of the RMS effort · in the fit {fit}",
@@ -352,6 +354,7 @@ STUDIED = {
     "enough": "{seconds:.3g} s are enough",
     "more": "the error has not settled; a longer log would help",
     "coupling": "a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}",
+    "runaway": "a model for each axis alone predicts {axes} no better than the mean of the effort; not drawn there",
     "without": "without {effect} the RMS error grows from {complete:.3g} to {without:.3g} {unit}",
     "overlay": "the curve explains {share:.0%} of the data's power",
     "errors": "{share:.0%} of the tracking error comes from {cause}",
