@@ -104,7 +104,7 @@ def _cause(d: Diagnosis, e: Found) -> str:
 
 def _position_gain(d: Diagnosis, e: Found) -> str:
     """Return the position gain before and now, where a factor of it was found and the twin knows the gain."""
-    servo = d.subject.servos.get(e.axis) if isinstance(d.subject, Twin) else None
+    servo = d.subject.servos.get(str(e.axis)) if isinstance(d.subject, Twin) else None
     if e.effect != "position_gain" or servo is None or servo.form == "pid" or not e.size:
         return ""
     kp = servo.named()["kp"]
@@ -159,23 +159,22 @@ def axis_cards(d: Diagnosis) -> Html:
     """Return one card per axis: every signal with its grade, the residual without and with the causes."""
     cards = []
     for axis, row in d.gap.items():
-        parts = tuple(_card(d, axis, signal) for signal in row)
-        cards.append(Tile(heading=f"Axis {axis}", parts=parts, **_state(d, axis)))
+        parts, (word, kind) = tuple(_card(d, axis, signal) for signal in row), _state(d, axis)
+        cards.append(Tile(heading=f"Axis {axis}", parts=parts, label=word, kind=kind))
     return tiles(cards)
 
 
-def _state(d: Diagnosis, axis: str, signal: str | None = None) -> dict[str, str]:
-    """Return word and colour of the state of an axis, or of one of its signals."""
-    state = d.state(axis, signal)
-    kind = {"changed": "bad", "unchanged": "good"}.get(state, "")
-    return {"label": STATES[d.situation][state], "kind": kind}
+def _state(d: Diagnosis, axis: str) -> tuple[str, str]:
+    """Return word and colour of the state of an axis."""
+    state = d.state(axis)
+    return STATES[d.situation][state], {"changed": "bad", "unchanged": "good"}.get(state, "")
 
 
 def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
     """Return words and colour of the state of every axis, the changed first; of many the others together."""
     order = ("changed", "cannot say", "unchanged")
     rows = sorted(d.gap, key=lambda axis: order.index(d.state(axis)))
-    said = [(f"{axis} {x['label']}", x["kind"]) for axis in rows[:most] for x in [_state(d, axis)]]
+    said = [(f"{axis} {word}", kind) for axis in rows[:most] for word, kind in [_state(d, axis)]]
     return said + ([(f"{len(rows) - most} more", "")] if len(rows) > most else [])
 
 
