@@ -34,6 +34,17 @@ _SIZES = (
     (1e-9, "ns nm"),
 )
 
+_SHOWN = {
+    "m": ((1e-3, 1e3, "mm"), (0.0, 1e6, "µm")),
+    "rad": ((_DEG, 1.0 / _DEG, "°"), (1e-15, 1e3 / _DEG, "mdeg"), (0.0, 1.0 / _DEG, "°")),
+    "m/s": ((1.0, 1.0, "m/s"), (0.0, 1e3, "mm/s")),
+    "rad/s": ((0.0, 1.0 / _DEG, "°/s"),),
+    "rad/s²": ((0.0, 1.0 / _DEG, "°/s²"),),
+    "s": ((0.1, 1.0, "s"), (1e-15, 1e3, "ms"), (0.0, 1.0, "s")),
+    "m/N": ((0.0, 1e6, "µm/N"),),
+    **{u: ((2e4, 1e-3, f"k{u}"), (0.1, 1.0, u), (1e-15, 1e3, f"m{u}"), (0.0, 1.0, u)) for u in ("N", "N·m")},
+}  # unit [SI] -> from which size [SI] on, times what, in which unit people read it
+
 UNUSED = {  # unit of an effort that is none of the motor's -> what to say of it
     "magnitude": "a magnitude has no sign and is not used; log the signed effort",
     "external": "an external effort holds nothing of the motor's and is not used; log the measured effort",
@@ -51,6 +62,12 @@ ELECTRICAL = {
     "law": "law unit",
 }
 """Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one."""
+
+
+def shown(unit: str, size: float) -> tuple[float, str]:
+    """Return factor and unit in which people read numbers of an SI unit, the largest of ``size`` [unit]."""
+    rows = _SHOWN.get(unit, ((0.0, 1.0, "" if unit == "-" else unit),))
+    return next((row[1:] for row in rows if abs(size) >= row[0]), rows[0][1:])
 
 
 def in_log_unit(unit: str, rotary: bool, size: Mapping[str, Any]) -> tuple[str, float]:

@@ -190,13 +190,13 @@ def test_the_sentence_says_pitch_and_place() -> None:
     table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
     heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
     found = Named("position_table", "A", 0.9, {}, {}, {}, [], size=heights, listed=table)
-    assert first_text(found) == "lowest of 5 points -3 N·m at 11.46°"
+    assert first_text(found) == "lowest of 5 points -3 N·m at 11.46 °"
 
 
 def test_a_place_is_no_fraction_of_a_name() -> None:
     at = Size("encoder_error.at 0.587184 rad", 0.0, 2e-4, "rad", (1e-4, 3e-4))
-    assert size_text(at) == "at 0.587184 rad 0.0002 rad"
-    assert name_words(at) == "at 0.587184 rad"
+    assert size_text(at) == "at 33.64 ° 11.46 mdeg"
+    assert name_words(at) == "at 33.64 °"
 
 
 def diagnosed(signal: str, gap: Gap, effects: list[Named], verdict: str) -> Diagnosis:

@@ -22,6 +22,7 @@ from pinotwin.report.display import number, percent, rounded, scale_of
 from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.verdict import bodies, cautions, headline
+from pinotwin.system.templates import asset
 from pinotwin.twin import Parameter, Twin
 from tests.test_studies import identified, recorded, trunnion
 
@@ -123,15 +124,25 @@ def test_values_of_undetermined_parameters_stay_out_of_the_sort_keys() -> None:
 
 
 def test_plotly_is_packed_once_and_whole() -> None:
-    from plotly.offline import get_plotlyjs
-
     page = report()
     assert page.count('id="plotly-packed"') == 1
     packed = re.search(r'data-size="(\d+)">([^<]+)</script>', page)
     assert packed is not None
     text = zlib.decompress(base64.b64decode(packed[2]), -zlib.MAX_WBITS)
-    assert text.decode() == get_plotlyjs()
+    assert text.decode() == asset("pinotwin.report", "plotly-basic.min.js")
     assert len(text) == int(packed[1])
+
+
+def test_an_array_of_several_traces_is_on_the_page_once() -> None:
+    x = np.arange(500.0)
+    page = Page("T").section(
+        "S", Plot(over_time(x, [Panel("p", [Line("a", x, "#111"), Line("b", -x, "#222")])], 300))
+    )
+    found, held = figures(page.html()), re.search(r'id="arrays">([^<]+)<', page.html())
+    assert held is not None
+    once = np.frombuffer(base64.b64decode(held[1].split()[0]), dtype="f4")
+    assert [trace["x"]["bdata"] for trace in found[0]["data"]] == ["@0", "@0"]
+    np.testing.assert_array_equal(once, x)
 
 
 def test_plots_of_a_report_cover_the_evidence() -> None:
@@ -169,6 +180,11 @@ def test_headline_says_how_good_and_on_what() -> None:
         "Cross-validated on the log, the twin predicts the motor effort "
         "very well on Y and poorly on A. The largest error is on A: 45.6 % of its standard "
         "deviation (1 N·m RMS)."
+    )
+    command = {"use": "coupled", "held_out": {"coupled": 0.08}, "tracking": 0.12}
+    assert headline(replace(twin, quality={**quality, "simulation": command})) == (
+        f"{said} From the command alone it predicts the effort very well (error 4.0 % of its RMS), the tracking "
+        "error fairly (12.0 %). This was judged on the last part of the log."
     )
     quality["axes"]["A"]["validation"] = {"rms": 0.1, "nrmse": 0.02, "nrmse_std": 0.03}
     quality["axes"]["Y"]["validation"] = {"rms": 1.0, "nrmse": 0.02, "nrmse_std": 0.02}

@@ -15,17 +15,22 @@ from pinotwin.cli.diagnose import cause_lines, gap_lines
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.conclusion.sizes import times_text, told
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.grade import KIND, printed
+from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import explanation, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
+from pinotwin.effects.position import PositionTable
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
-from pinotwin.viewer.gap import gap_page
+from pinotwin.report.display import number, scale_of
+from pinotwin.report.first_screen import loudest
+from pinotwin.system.phrases import STATES
+from pinotwin.viewer.gap import gap_page, mark, shade
+from pinotwin.viewer.scene import draw, visual_model
 from tests.test_report import figures, read
 
 GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.1)
@@ -99,20 +104,24 @@ UNEXPLAINED = diagnosis(
 def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -> None:
     page = diagnosis_report(given)
     assert all(x.startswith(("#", "data:")) for x in read(page).loaded)
-    assert page.index(headline(given)[0].split(",")[0]) < page.index("<table" if given.where else "<ul")
+    assert page.index(headline(given)[0].split(" (")[0]) < page.index("<table" if given.where else "<ul")
     assert "quadratic_drag" not in page
     assert not any("nan" in cell.split() for row in read(page).rows for cell in row)
 
 
 def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
-    assert "Y: quadratic drag is missing from the model, b2 12 N·s²/m²." in first
+    assert (
+        "Y: quadratic drag is missing from the model: drag coefficient 12 N·s²/m² (90 %: 10 to 14)." in first
+    )
     assert "the residual falls from 5 to 3.4 N RMS (validated on the log)" in first
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
     assert "validated on new.csv" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
     assert "does not reduce the residual" in headline(replace(EXPLAINED, effects=[hint]))[0]
-    assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Y: quadratic drag appeared, b2 ")
+    assert headline(replace(EXPLAINED, situation="change"))[0].startswith(
+        "Y: quadratic drag appeared: drag coefficient 12 "
+    )
     assert "no missing effect found" in headline(diagnosis())[0]
     assert "no change found" in headline(replace(diagnosis(), situation="change"))[0]
     assert "axis Y, and no known effect" in headline(UNEXPLAINED)[0]
@@ -135,16 +144,12 @@ def test_one_grade_in_card_plot_text_and_json() -> None:
         for axis, row in given.gap.items():
             word = given.grade(axis, "u")
             assert given.to_dict()["gap"][axis]["u"]["grade"] == word
-            assert f"Axis {axis}, motor effort: {printed(word)}" in page
-            card = page[page.index(f"<h3>Axis {axis}</h3>") :]
-            assert card.index(f">{printed(word)}</span>") < min(
-                (
-                    card.index(f">{w}</span>")
-                    for w in map(printed, KIND)
-                    if w != printed(word) and f">{w}</span>" in card
-                ),
-                default=len(card),
-            )
+            card = page[page.index(f"<h3>Axis {axis} ") :]
+            state = STATES[given.situation][given.state(axis)]
+            assert card.index(f">{state}</span>") < card.index("</h3>")
+            note = card[card.index('<div class="note"') :]
+            assert note[note.index(">") + 1 :].startswith(f"{printed(word)} · ")
+            assert given.to_dict()["state"][axis] == given.state(axis)
             assert any(
                 line.startswith(f"{axis}.u") and line.endswith(printed(word))
                 for line in gap_lines(replace(given, gap={axis: row}))
@@ -317,4 +322,44 @@ def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> N
     given = replace(EXPLAINED, subject=machine)
     pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
     assert pages[0] == pages[1]
-    assert "Y explained" in pages[0]
+    assert "Y unlike its model" in pages[0]
+
+
+def test_numbers_read_as_people_write_them() -> None:
+    assert number(1970.0, "N") == "1970 N"
+    assert scale_of("e", False, 1.97e-3).text(1.97e-3) == "1.97 mm"
+    assert {scale_of(signal, True, 1e-5).unit for signal in ("q", "ql", "e")} == {"mdeg"}
+
+
+def test_an_event_says_when() -> None:
+    push = replace(found("external_force"), size=[Size("largest disturbance", 0.0, 5.0, "N", (4.0, 6.0))])
+    time = Region("Y", "u", "time", (4.1, 4.9), "s", 0.6, 0.06, 0.01)
+    first = headline(replace(EXPLAINED, effects=[push], where=[time], situation="change"))[0]
+    assert (
+        "external force appeared: largest disturbance 5 N (90 %: 4 to 6), 4.1 to 4.9 s into the log." in first
+    )
+    assert "into the log" not in headline(replace(EXPLAINED, where=[time]))[0]
+
+
+def test_the_picture_shows_the_stretch_where_the_difference_is_largest() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    one = Traces("Y", 0, t, np.where((t > 6.0) & (t < 6.5), 5.0, 0.1), 0.0 * t)
+    rows = loudest(one)
+    assert rows.stop - rows.start == 100
+    assert t[rows][0] <= 6.0 < 6.48 <= t[rows][-1]
+
+
+def test_the_machine_page_shows_where_a_defect_is_and_which_way_a_force_acts() -> None:
+    machine, t = Machine.load("trunnion"), np.arange(0.0, 2.0, 0.002)
+    log = Log({"t": t} | {f"{a}.{x}": np.sin(2.0 * t) for a in machine.axes for x in "qu"})
+    push = replace(found("external_force"), size=[Size("largest disturbance", 0.0, -5.0, "N", (-6.0, -4.0))])
+    table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
+    heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
+    tooth = replace(found("position_table", "A"), listed=table, size=heights)
+    drawn = draw(machine.model, visual_model(machine.model, machine.urdf, ()))
+    mark(drawn, replace(EXPLAINED, effects=[push, tooth]), machine)
+    paths = {path for _, path, _ in drawn.page.messages}
+    assert any(path.endswith("Y/arrow/head") for path in paths)
+    assert any(path.endswith("place A") for path in paths)
+    assert shade(EXPLAINED, "Y") != shade(EXPLAINED, "A")
+    assert len(gap_page(replace(EXPLAINED, subject=machine, effects=[push]), machine, log)) > 1e5

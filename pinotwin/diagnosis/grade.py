@@ -27,12 +27,16 @@ KIND: dict[Grade, str] = {
     "agrees": "good",
     "within misfit": "good",
     "above misfit": "fair",
-    "gap explained": "good",
-    "partly explained": "fair",
+    "gap explained": "bad",
+    "partly explained": "bad",
     "not explained": "bad",
     "not judged": "",
 }
-"""Grade -> colour of its chip."""
+"""Grade -> colour of its chip: of the machine's state, for an explained residual is a changed machine."""
+
+State = Literal["changed", "unchanged", "cannot say"]
+STATE: dict[str, State] = {"good": "unchanged", "bad": "changed"}
+"""Colour of a grade -> state of what it grades."""
 
 
 def printed(grade: str) -> str:

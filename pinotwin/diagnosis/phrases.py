@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import known
 from pinotwin.system.phrases import CAUSES, REGIONS
+from pinotwin.units import shown
 
 
 def effect_words(name: str) -> str:
@@ -73,12 +74,7 @@ def region_words(region: Region) -> str:
 
 def shop_range(region: Region) -> tuple[str, str, str]:
     """Return lowest and highest value and the unit: millimetres and degrees instead of SI."""
-    factor, unit = 1.0, region.unit
-    head, slash, tail = region.unit.partition("/")
-    if head == "m":
-        factor, unit = 1e3, f"mm{slash}{tail}"
-    elif head == "rad":
-        factor, unit = 180.0 / math.pi, f"°{slash}{tail}"
+    factor, unit = shown(region.unit, max(abs(x) for x in region.range))
     low, high = (factor * x for x in region.range)
     places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
     first, last = (f"{round(x, places) + 0.0:.3g}" for x in (low, high))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
-from pinotwin.diagnosis.grade import Grade, grade, printed
+from pinotwin.diagnosis.grade import KIND, OPEN, STATE, Grade, State, grade, printed
 from pinotwin.effects import Effect
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
@@ -225,6 +225,19 @@ class Diagnosis(Drawn):
             return "partly explained" if named and g.after < g.rms else "not explained"
         return word
 
+    def state(self, axis: str, signal: str | None = None) -> State:
+        """Return the state of an axis of the machine, or of one of its signals, whatever the model is worth.
+
+        The tracking error of a sound axis follows from what changed elsewhere; a rise of it that stays open does not.
+        """
+        row = self.gap.get(axis, {})
+        kinds = {s: KIND[self.grade(axis, s)] for s in ([signal] if signal else row)}
+        if signal is None:
+            still = any(self.grade(axis, s) in OPEN for s in row)
+            if still or kinds.get("u") == "bad" or any(e.axis == axis for e in self.effects):
+                return "changed"
+        return STATE.get(kinds.get("u", next(iter(kinds.values()), "")), "cannot say")
+
     def _acts(self, axis: str, signal: str) -> bool:
         """Whether a named effect acts on a signal of an axis; on others than the effort only if it was tried."""
         if signal == "u":
@@ -248,6 +261,7 @@ class Diagnosis(Drawn):
                 "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [dict(m) for m in self.missing],
                 "confusable": [list(group) for group in self.confusable],
+                "state": {a: self.state(a) for a in self.gap},
                 "unexplained": {a: dict(row) for a, row in self.unexplained.items()},
                 "remains": dict(self.remains),
                 "noise": self.noise,

@@ -40,7 +40,7 @@ class Plot:
     @property
     def data(self) -> str:
         """The figure as JSON; "</" would end the script element that holds it."""
-        return str(self.figure.to_json(validate=False)).replace("</", "<\\/")
+        return str(self.figure.to_json(validate=False)).replace("\\u002f", "/").replace("</", "<\\/")
 
     @property
     def height(self) -> int:

@@ -25,21 +25,25 @@ from pinotwin.diagnosis.phrases import (
 from pinotwin.diagnosis.result import Diagnosis, Found, Region
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, Plot, Tabs, chip, macro, table
+from pinotwin.report.blocks import Html, Tabs, macro, table
 from pinotwin.report.diagnosis_evidence import evidence_panels, machine_block
-from pinotwin.report.diagnosis_plots import density, shrink_figure, signal_name
+from pinotwin.report.diagnosis_plots import density, signal_name
 from pinotwin.report.diagnosis_verdict import (
-    ACTS,
     axis_cards,
     headline,
     named_data,
     rotary_axes,
-    source_names,
+    states,
 )
 from pinotwin.report.display import scale_of
+from pinotwin.report.first_screen import how_sure, picture, what_now, which_data
 from pinotwin.report.page import Page
 from pinotwin.system.phrases import KINDS, MEANING, SIGNALS, joined
 
+COMPARED = {
+    "structure": "log against the machine's model, fitted to it",
+    "change": "log against a twin that was identified earlier",
+}
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
 
 
@@ -53,9 +57,16 @@ def diagnosis_report(
     logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
     grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
-    remedies = [(e, text) for e in d.effects if (text := remedy(e.effect))]
+    acts = [(e, remedy(e.effect)) for e in d.effects]
+    remedies = [f"{_capital(on_axis(e.effect, e.axis))}: {text}." for e, text in acts if text]
+    advice = [f"{_capital(plain_sentence(text))}." for text in d.advice]
     content = {
         "lines": headline(d),
+        "states": states(d),
+        "sure": how_sure(d),
+        "data": which_data(d),
+        "now": what_now(d, remedies, advice),
+        "first": picture(d),
         "changes": _changes(d),
         "picture": machine_block(d, logs[0] if logs else None),
         "few": len(d.gap) <= 3,  # their cards stand beside the picture
@@ -76,36 +87,28 @@ def diagnosis_report(
         "explanation": explanation,
         "numbers": [x for e in d.effects for x in _numbers(e)],
         "shrink": _shrink(d),
-        "bars": _bars(d),
         "evidence": Tabs(panels) if panels else "",
-        "remedies": [f"{_capital(on_axis(e.effect, e.axis))}: {text}." for e, text in remedies if text],
-        "advice": [f"{_capital(plain_sentence(text))}." for text in d.advice],
+        "remedies": remedies,
+        "advice": advice,
         "commands": ", ".join(d.commands),
     }
     title = f"{d.machine or 'Machine'}: diagnosis"
     page = Page(
-        title, _subtitle(d, logs), template="diagnosis", given=content, files=files, made=d.provenance
+        title,
+        COMPARED.get(d.situation, ""),
+        template="diagnosis",
+        given=content,
+        files=files,
+        made=d.provenance,
     )
     return page.html()
-
-
-def _subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
-    """Return the line below the title."""
-    compared = {
-        "structure": "log against the machine's model, fitted to it",
-        "change": "log against a twin that was identified earlier",
-    }
-    all_names = source_names(d, logs)
-    names = ", ".join(display.elided(name, 40) for name in all_names[:4])
-    more = f" and {len(all_names) - 4} more" if len(all_names) > 4 else ""
-    return " · ".join(w for w in (compared.get(d.situation, ""), names + more) if w)
 
 
 def _changes(d: Diagnosis) -> Html | str:
     """Return what each cause changed from what to what, with units and intervals."""
     rows: list[list[object]] = []
     for e in d.effects:
-        first, sure = macro("bold", on_axis(e.effect, e.axis)), _confidence(e)
+        first, sure = macro("bold", on_axis(e.effect, e.axis)), f"{e.confidence:.0%}"
         numbers = [
             [name_words(s), before_text(s), now_text(s), interval_text(s), times_text(s)]
             for s in told(e.size)[:3]
@@ -114,11 +117,6 @@ def _changes(d: Diagnosis) -> Html | str:
     before = "before" if d.situation == "change" else "in the model"
     header = ("cause", "number", before, "now", "90 % interval", "change", "confidence")
     return table(header, rows, numeric=(2, 3, 4, 5, 6)) if rows else ""
-
-
-def _confidence(e: Found) -> Html:
-    kind = "good" if e.confidence >= 0.9 else "fair" if e.confidence >= 0.6 else "bad"
-    return chip(f"{e.confidence:.0%}", kind)
 
 
 def _where(d: Diagnosis, most: int = 8) -> list[tuple[Region, float]]:
@@ -138,7 +136,7 @@ def _which(found: Sequence[Found]) -> Html | str:
             chance = f" ({p:.0%})" if p >= 0.005 else ""
             others.append(f"{what}{chance}: {plain_sentence(str(item.get('why', '')))}")
         name = macro("bold", on_axis(e.effect, e.axis))
-        rows.append([name, explanation(e.effect), _confidence(e), macro("others", others)])
+        rows.append([name, explanation(e.effect), f"{e.confidence:.0%}", macro("others", others)])
     return table(("cause", "what it is", "confidence", "could also be"), rows) if rows else ""
 
 
@@ -176,17 +174,6 @@ def _interval(span: tuple[float, float]) -> str:
         if low != high:
             return f"{low} to {high} %"
     return "–"  # its ends are one: none was found
-
-
-def _bars(d: Diagnosis) -> list[Plot]:
-    """Return the bars of every signal, of axes with a cause first."""
-    plots = []
-    for axis in sorted(d.gap, key=lambda a: a not in d.shrink):
-        for signal, gap in d.gap[axis].items():
-            word = d.grade(axis, signal)
-            figure = shrink_figure(gap, signal, rotary_axes(d).get(axis, False), acts=word in ACTS)
-            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {printed(word)}"))
-    return plots
 
 
 def _capital(text: str) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.result import Diagnosis, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
@@ -21,6 +20,7 @@ from pinotwin.report.diagnosis_plots import gap_figure, shown, spectrum_figure
 from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
 from pinotwin.report.figures import against_figure
 from pinotwin.studies.overlay import Against
+from pinotwin.system.phrases import STATES
 
 if TYPE_CHECKING:
     from pinotwin.viewer.still import Still
@@ -76,8 +76,7 @@ def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
 
 
 def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
-    from pinotwin.viewer.gap import COLOURS  # half a second of meshcat, which other pages do not need
-    from pinotwin.viewer.meshes import GREY
+    from pinotwin.viewer.gap import shade  # half a second of meshcat, which other pages do not need
     from pinotwin.viewer.scene import visual_model
     from pinotwin.viewer.still import still
 
@@ -88,7 +87,7 @@ def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
             x = log.channels.get(f"{name}.q")
             if x is not None and np.isfinite(x).any():
                 q[rigid.model.joints[rigid.model.getJointId(axis.joint)].idx_q] = float(np.nanmedian(x))
-    colours = {axis.joint: COLOURS.get(grade_of(d, name), GREY) for name, axis in rigid.axes.items()}
+    colours = {axis.joint: shade(d, name) for name, axis in rigid.axes.items()}
     return still(rigid.model, visual_model(rigid.model, rigid.urdf, rigid.meshes), q, colours)
 
 
@@ -102,7 +101,7 @@ def _figure(d: Diagnosis, machine: Machine, drawn: Still, high: float = 24.0, wi
     for (x, y), name in sorted(places, key=lambda place: place[0][1]):
         left = x < 0.5 * width
         low = last[left] = max(min(max(y, 16.0), height - 12.0), last[left] + high)
-        word = f"{name} · {printed(grade_of(d, name))}"
+        word = f"{name} · {STATES[d.situation][d.state(name)]}"
         inner = min(wide * len(word), 0.4 * width)
         edge, to = (6, 10.0 + inner) if left else (width - 6, width - 10.0 - inner)
         anchor = "start" if left else "end"

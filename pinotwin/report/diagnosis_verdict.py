@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
-from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
-from pinotwin.diagnosis.grade import KIND, Grade, printed
-from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence
-from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
-from pinotwin.log import Log
+from pinotwin.diagnosis.conclusion.sizes import change_text, told
+from pinotwin.diagnosis.grade import Grade, printed
+from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence, region_words
+from pinotwin.diagnosis.result import Diagnosis, Found, Region, Shrink
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.display import scale_of
-from pinotwin.system.phrases import DIAGNOSED, MEANING, SIGNALS, joined
+from pinotwin.system.phrases import DIAGNOSED, MEANING, SIGNALS, STATES, joined
 from pinotwin.twin import Twin
 
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
@@ -58,7 +56,10 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
 def _controllers(d: Diagnosis) -> list[str]:
     """Return what is said of controllers whose law is gone."""
     looks = {axis: plain_sentence(d.remains[axis]) for axis in _gone(d)}
-    return [DIAGNOSED["controller"].format(axis=axis, looks=text) for axis, text in looks.items()]
+    return [
+        DIAGNOSED["controller"].format(axis=axis, looks=text.removeprefix("it "))
+        for axis, text in looks.items()
+    ]
 
 
 def _gone(d: Diagnosis) -> list[str]:
@@ -74,12 +75,13 @@ def _possible(d: Diagnosis) -> list[str]:
 
 def _cause(d: Diagnosis, e: Found) -> str:
     """Return a cause with its size and what it explains of the residual."""
-    sizes, name = told(e.size), effect_words(e.effect)
-    times = times_text(sizes[0]) if len(sizes) == 1 else ""
-    size = first_text(e) + (f" ({times})" if times else "")
-    did = moved(sizes) if d.situation == "change" else DIAGNOSED["missing"]
-    said = f"{e.axis or d.machine}: {name} {did}{f', {size}' if size else ''}."
-    signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
+    did = moved(told(e.size)) if d.situation == "change" else DIAGNOSED["missing"]
+    time = event(d, e)
+    when = f", {region_words(time)}" if time else ""
+    said = (
+        f"{e.axis or d.machine}: {effect_words(e.effect)} {did}{change_text(e)}{_position_gain(d, e)}{when}."
+    )
+    signal = next((x for x in ("u", "v", "ql", "e") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
     if shrink is None:
         return said
@@ -91,12 +93,28 @@ def _cause(d: Diagnosis, e: Found) -> str:
     others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
     falls = DIAGNOSED["falls"].format(
         modelled=DIAGNOSED["alone" if others else "modelled"],
-        residual="the residual" if axis == e.axis else f"the residual of {axis}",
-        before=f"{shrink.before * scale.factor:.3g}",
+        residual=DIAGNOSED["residual" if signal == "u" else "signal"].format(signal=SIGNALS[signal])
+        + ("" if axis == e.axis else f" of {axis}"),
+        before=display.number(shrink.before * scale.factor),
         after=scale.text(shrink.after),
         data=data,
     )
     return f"{said} {falls}"
+
+
+def _position_gain(d: Diagnosis, e: Found) -> str:
+    """Return the position gain before and now, where a factor of it was found and the twin knows the gain."""
+    servo = d.subject.servos.get(str(e.axis)) if isinstance(d.subject, Twin) else None
+    if e.effect != "position_gain" or servo is None or servo.form == "pid" or not e.size:
+        return ""
+    kp = servo.named()["kp"]
+    return DIAGNOSED["gain"].format(before=kp, after=kp * e.size[0].after)
+
+
+def event(d: Diagnosis, e: Found) -> Region | None:
+    """Return when a cause took place that was an event: one that no other stretch holds; None for another."""
+    once = e.effect == "external_force" or any(x.on == "fitted logs" for x in e.shrink.values())
+    return next((r for r in d.where if once and r.kind == "time" and r.axis == e.axis), None)
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
@@ -121,8 +139,8 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
             continue
         scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
         times = g.rms / g.expected if g.expected else math.nan
-        sizes = {"rms": scale.text(g.rms), "after": f"{g.after * scale.factor:.3g}", "times": times}
-        looks = f" It {plain_sentence(why)}." if why else ""
+        sizes = {"rms": scale.text(g.rms), "after": display.number(g.after * scale.factor), "times": times}
+        looks = f" It {plain_sentence(why).removeprefix('it ')}." if why else ""
         if word in DIAGNOSED:
             out.append(DIAGNOSED[word].format(axis=axis, why=why, looks=looks, **sizes))
     return out
@@ -141,24 +159,42 @@ def axis_cards(d: Diagnosis) -> Html:
     """Return one card per axis: every signal with its grade, the residual without and with the causes."""
     cards = []
     for axis, row in d.gap.items():
-        parts = tuple(_card(d, axis, signal) for signal in row)
-        cards.append(Tile(heading=f"Axis {axis}", parts=parts))
+        parts, (word, kind) = tuple(_card(d, axis, signal) for signal in row), _state(d, axis)
+        cards.append(Tile(heading=f"Axis {axis}", parts=parts, label=word, kind=kind))
     return tiles(cards)
+
+
+def _state(d: Diagnosis, axis: str) -> tuple[str, str]:
+    """Return word and colour of the state of an axis."""
+    state = d.state(axis)
+    return STATES[d.situation][state], {"changed": "bad", "unchanged": "good"}.get(state, "")
+
+
+def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
+    """Return words and colour of the state of every axis, the changed first; of many the others together."""
+    order = ("changed", "cannot say", "unchanged")
+    rows = sorted(d.gap, key=lambda axis: order.index(d.state(axis)))
+    said = [(f"{axis} {word}", kind) for axis in rows[:most] for word, kind in [_state(d, axis)]]
+    return said + ([(f"{len(rows) - most} more", "")] if len(rows) > most else [])
 
 
 def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
     g, word = d.gap[axis][signal], d.grade(axis, signal)
     scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
-    now = f"{g.rms * scale.factor:.3g} → {scale.text(g.after)}" if word in ACTS else scale.text(g.rms)
-    beside = [f"{display.percent(g.nrmse)} of the signal"]
+    now = (
+        f"{display.number(g.rms * scale.factor)} → {scale.text(g.after)}"
+        if word in ACTS
+        else scale.text(g.rms)
+    )
+    beside = [printed(word), f"{display.percent(g.nrmse)} of the signal"]
     if g.noise > 0.0:
-        beside.append(f"noise {g.noise * scale.factor:.3g}")
+        beside.append(f"noise {display.number(g.noise * scale.factor)}")
     if g.misfit == g.misfit:
         beside.append(f"validation error {scale.text(g.misfit)}")
     if g.expected > g.misfit:
         beside.append(f"expected here {scale.text(g.expected)}")
     name, small = SIGNALS.get(signal, signal), signal != "u"
-    return Tile(name, now, " · ".join(beside), printed(word), KIND[word], MEANING[word], small)
+    return Tile(name, now, " · ".join(beside), hint=MEANING[word], small=small)
 
 
 def machine_of(d: Diagnosis) -> Machine | None:
@@ -174,9 +210,3 @@ def rotary_axes(d: Diagnosis) -> dict[str, bool]:
         return dict(zip(machine.names, machine.rotary, strict=True))
     turning = {"rad", "rad/s", "rad/s²", "N·m"}
     return {r.axis: r.unit in turning for r in d.where if r.kind not in ("time", "frequency", "other_axis")}
-
-
-def source_names(d: Diagnosis, logs: Sequence[Log]) -> list[str]:
-    """Return the names of the files that were diagnosed."""
-    known = [Path(str(row["source"])).name for row in d.provenance.get("logs", ())]
-    return known or [Path(log.source).name for log in logs]

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats
-
-_DEGREE = 180.0 / math.pi
+from pinotwin.units import shown
 
 
 @dataclass(frozen=True)
@@ -30,28 +29,16 @@ class Scale:
 
 SI = Scale(1.0, "")
 """As the number stands in the file."""
-DEGREES = Scale(_DEGREE, "deg")
+DEGREES = Scale(180.0 / math.pi, "°")
 SIGNALS = {"e": "tracking error", "u": "effort"}
 """Signal of a simulation -> its name."""
 
 
 def scale_of(signal: str, rotary: bool, x: Floats | float) -> Scale:
     """Return the scale of effort u, position q, velocity v or tracking error e, by the largest of x [SI]."""
-    most = largest(np.atleast_1d(x))
-    if signal == "v" and not rotary:
-        return Scale(1.0, "m/s") if most >= 1.0 else Scale(1e3, "mm/s")
-    if signal == "v":
-        return Scale(_DEGREE, "°/s")
-    if signal not in ("q", "ql", "e"):
-        unit = effort_unit(rotary)
-        if most >= 2e4:
-            return Scale(1e-3, f"k{unit}")
-        return Scale(1e3, f"m{unit}") if 0.0 < most < 0.1 else Scale(1.0, unit)
-    if not rotary:
-        return Scale(1e3, "mm") if most >= 2e-3 else Scale(1e6, "µm")
-    if signal == "e" and most * _DEGREE < 1.0:
-        return Scale(1e3 * _DEGREE, "mdeg")
-    return Scale(3600.0 * _DEGREE, "″") if 0.0 < most * _DEGREE < 0.01 else Scale(_DEGREE, "°")
+    unit = {"q": "m", "ql": "m", "e": "m", "v": "m/s"}.get(signal, "N")
+    turned = {"m": "rad", "m/s": "rad/s", "N": "N·m"}[unit] if rotary else unit
+    return Scale(*shown(turned, largest(np.atleast_1d(x))))
 
 
 def effort_unit(rotary: bool) -> str:
@@ -93,7 +80,7 @@ def number(x: float, unit: str = "") -> str:
     """Return a number with three significant digits and its unit."""
     if not math.isfinite(x):
         return "not known"
-    return f"{x:z.3g} {unit}".strip()
+    return f"{x:z{'.3g' if abs(x) < 999.5 else '.0f'}} {unit}".strip()
 
 
 def seconds(x: float) -> str:

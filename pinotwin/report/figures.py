@@ -131,7 +131,7 @@ class Panel:
 
 
 def over_time(
-    t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 3000
+    t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 1500
 ) -> go.Figure:
     """Return plots over t [s] (m,) that zoom together; no line leaves its ``block`` and keeps about ``points``."""
     count, named = len(panels), set[str]()
@@ -226,7 +226,7 @@ def longest(breaks: Mask) -> slice:
     return slice(int(edges[k]), int(edges[k + 1]))
 
 
-def visible_rows(signals: list[Floats], points: int = 3000) -> Ints:
+def visible_rows(signals: list[Floats], points: int = 1500) -> Ints:
     """Return the rows (k,) that a screen needs, about ``points``: the extremes of every signal (m,) per pixel."""
     m = len(signals[0])
     if m <= points:

@@ -34,7 +34,7 @@ def vibration_figure(twin: Twin, log: Log, predicted: Log, joint: str) -> go.Fig
     v = f"{joint}.v"
     lines = [Line("measured", log[v], MEASURED, 2.4)] if v in log else []
     lines.append(Line("predicted", predicted[v], ACCENT, 1.1))
-    panels = [Panel(f"<b>{joint}</b> velocity", lines, replace(DEGREES, unit="deg/s"))]
+    panels = [Panel(f"<b>{joint}</b> velocity", lines, replace(DEGREES, unit="°/s"))]
     panels += [response_panel(twin.machine, log, predicted, name, "e", "error") for name in axes]
     tilts = [Line(name, log[f"{name}.qr"], SOFT, 1.2, legend=False) for name, turns in axes.items() if turns]
     panels += [Panel("posture", tilts, DEGREES)] if tilts else []

@@ -9,8 +9,10 @@ page has a plot. A figure may use the colours of the style sheet, written ``var(
 from __future__ import annotations
 
 import base64
+import json
 import re
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -55,7 +57,13 @@ class Page:
     def html(self) -> str:
         """Return the page as one text."""
         writer = _Writer()
-        tools = {"show": writer.show, "plot": writer.plot, "section": writer.section, "plotly": plotly}
+        tools = {
+            "show": writer.show,
+            "plot": writer.plot,
+            "section": writer.section,
+            "plotly": plotly,
+            "shared": shared,
+        }
         own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
         own |= {"beside": files_block(self.files), "provenance": macro("provenance", self.made)}
         looks = {"css": asset("pinotwin.report", "page.css"), "script": asset("pinotwin.report", "page.js")}
@@ -70,12 +78,26 @@ def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:
     return [table(("file", "what it holds"), rows)] if rows else []
 
 
+def plotly(figures: Sequence[str]) -> tuple[int, str]:
+    """Return the size of the part of plotly that draws figures, given as JSON, and its script packed."""
+    kinds = {trace.get("type", "scatter") for text in figures for trace in json.loads(text)["data"]}
+    return _packed(basic=kinds <= {"scatter", "bar"})
+
+
+def shared(figures: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return figures, given as JSON, and the arrays that stand in them more than once, there as ``@`` and a number."""
+    held = re.compile(r'(?<="bdata":")[^"@]{99,}(?=")')
+    often = [x for x, times in Counter(held.findall("\n".join(figures))).items() if times > 1]
+    number = {x: f"@{k}" for k, x in enumerate(often)}
+    return [held.sub(lambda m: number.get(m[0], m[0]), text) for text in figures], often
+
+
 @cache
-def plotly() -> tuple[int, str]:
-    """Return the size of plotly's script, and the script deflated and as base64."""
+def _packed(*, basic: bool) -> tuple[int, str]:
+    """Return the size of plotly's script, a part of it (plotly-basic 4.1.1) or all, and it deflated, as base64."""
     from plotly.offline import get_plotlyjs
 
-    text = get_plotlyjs().encode()
+    text = (asset("pinotwin.report", "plotly-basic.min.js") if basic else get_plotlyjs()).encode()
     deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     return len(text), base64.b64encode(deflate.compress(text) + deflate.flush()).decode()
 

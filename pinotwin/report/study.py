@@ -21,9 +21,9 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
-from pinotwin.report.blocks import Plot, heading, notes, table
+from pinotwin.report.blocks import Plot, bullets, heading, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
-from pinotwin.report.page import Page, files_block
+from pinotwin.report.page import Page, Section, files_block
 from pinotwin.report.study_plots import amount_figure, coupling_figure, overlay_figure, removal_figure
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
@@ -86,12 +86,12 @@ class Studied:
         header, rows, file = found.header, found.rows, f"{name}.csv"
         self.studies[file] = found
         kind, _, of = name.partition("_")
-        title, part = KINDS[kind].split(" (")[0].capitalize(), [heading(of.replace("_", ", "))] if of else []
+        title, part = KINDS[kind].split(" (")[0].capitalize(), [heading(_of(name))] if of else []
         shown = [[_short(cell) for cell in row] for row in rows]
         link = [(file, f"{len(rows)} rows: {', '.join(header)}")]
         short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
-        self.page = self.page.section(title, *part, notes([found.finding]), Plot(figure), *below)
+        self.page = self.page.section(title, *part, paragraph(_sentence(found.finding)), Plot(figure), *below)
 
 
 def study(
@@ -142,6 +142,9 @@ def study(
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.studies:
         raise DataError("; ".join(out.left_out) or "no study was chosen")
+    found = [": ".join(filter(None, (_of(name), x.finding))) for name, x in out.studies.items()]
+    first = Section("", (bullets(map(_sentence, found)),))
+    out.page = replace(out.page, sections=(first, *out.page.sections))
     span = None if window is None else ",".join(f"{x:g}" for x in window)
     how = made(began, only=kinds, axis=list(axes) or "all", window=span)
     told = made_of(machine, [(one, "studied") for one in logs], **how)
@@ -203,6 +206,15 @@ def _errors(found: Decomposition, machine: Machine, names: Sequence[str]) -> Mad
             finding = STUDIED["errors"].format(share=share, cause=CAUSES[str(cause)][0])
             figure = causes_figure(found, axis, machine.axis(axis).rotary, "error")
             yield f"errors_{axis}", Study(finding, header, rows), figure
+
+
+def _of(name: str) -> str:
+    """Return the axis and the kind of effect that a table is of."""
+    return name.removesuffix(".csv").partition("_")[2].replace("_", ", ")
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _short(cell: object, digits: int = 4) -> str:

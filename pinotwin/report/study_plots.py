@@ -82,16 +82,16 @@ def coupling_figure(given: Study) -> go.Figure:
     hover = "%{y:.3g} %<extra>%{x}</extra>"
     names, *_, coupled, decoupled = zip(*given.rows, strict=True)
     for name, shares, colour in (("decoupled", decoupled, RESIDUAL), ("coupled", coupled, ACCENT)):
-        errors = [100.0 * share for share in shares]  # type: ignore[operator]
+        errors = [100.0 * x if x <= 1.0 else None for x in map(float, shares)]  # type: ignore[arg-type]
         bar = go.Bar(x=names, y=errors, name=name, legendgroup=name, marker_color=colour, hovertemplate=hover)
         figure.add_trace(bar, row=1, col=1)
-    u = given["u"]
-    rows = visible_rows([u, given["decoupled"]])
+    u, lost = given["u"], decoupled[names.index(given.axis)]
+    rows = visible_rows([u, given["coupled"]])
     scale = scale_of("u", given.rotary, u)
     t = given["t"][rows] - given["t"][0]
     for y, name, colour in (
         (u, "measured", MEASURED),
-        (given["decoupled"], "decoupled", RESIDUAL),
+        *[(given["decoupled"], "decoupled", RESIDUAL)] * (float(lost) <= 1.0),  # type: ignore[arg-type]
         (given["coupled"], "coupled", ACCENT),
     ):
         trace = line(t, scale(y[rows]), name, colour, legend=name == "measured", unit=scale.unit)

@@ -60,7 +60,18 @@ def headline(twin: Twin) -> str:
     words = {k: [name for name, error in errors.items() if grade(error)[0] == k] for k in ADVERBS}
     said = joined([f"{ADVERBS[k]} on {joined(names)}" for k, names in words.items() if names])
     text = IDENTIFIED["one" if len(axes) == 1 else "several"]
-    return text.format(where=where, worst=worst, size=size, said=said)
+    return f"{text.format(where=where, worst=worst, size=size, said=said)} {_from_command(twin)}".rstrip()
+
+
+def _from_command(twin: Twin) -> str:
+    """Return how well effort and tracking error follow from the command alone; empty where that was not judged."""
+    found = twin.quality.get("simulation") or {}
+    tracking, mean = found.get("tracking"), found.get("held_out", {}).get(found.get("use"))
+    if tracking is None or mean is None:
+        return ""
+    effort = 2.0 * mean - tracking  # the mean is that of both
+    words = {"effort": ADVERBS[grade(effort)[0]], "tracking": ADVERBS[grade(tracking)[0]]}
+    return IDENTIFIED["command"].format(of_effort=percent(effort), of_tracking=percent(tracking), **words)
 
 
 def _rms(twin: Twin, axis: str) -> str:

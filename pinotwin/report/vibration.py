@@ -17,8 +17,8 @@ from pinotwin.report.page import Page
 
 _SHOWN = {
     "q": ("angle", DEGREES),
-    "v": ("velocity", replace(DEGREES, unit="deg/s")),
-    "a": ("acceleration", replace(DEGREES, unit="deg/s²")),
+    "v": ("velocity", replace(DEGREES, unit="°/s")),
+    "a": ("acceleration", replace(DEGREES, unit="°/s²")),
 }
 """Signal -> its name and scale."""
 

@@ -25,7 +25,7 @@ from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
 from pinotwin.studies.study import Study
-from pinotwin.system.phrases import STUDIED
+from pinotwin.system.phrases import STUDIED, joined
 
 HEADER = (
     "axis",
@@ -67,7 +67,10 @@ def coupled_against_decoupled(
     if not rows:
         raise DataError(f"{motion.source}: no measured effort of {', '.join(axes)}")
     ratio, axis = max((row[2] / max(row[1], 1e-300), row[0]) for row in rows)
-    finding = STUDIED["coupling"].format(ratio=ratio, axis=axis)
+    lost = [str(row[0]) for row in rows if row[4] > 1.0]
+    finding = STUDIED["runaway" if lost else "coupling"].format(
+        ratio=ratio, axis=axis, axes=joined(lost or [axis])
+    )
     rotary = machine.rotary[machine.names.index(axis)]
     return Study(finding, HEADER, rows, courses[axis], axis, rotary)
 

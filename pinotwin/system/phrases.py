@@ -156,6 +156,8 @@ IDENTIFIED = {  # what the page of `identify` says first, and to be careful abou
     "one": "{where}, the twin predicts the motor effort of {worst} to {size}.",
     "several": "{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}.",
     "size": "{share} of its standard deviation ({rms} RMS)",
+    "command": "From the command alone it predicts the effort {effort} (error {of_effort} of its RMS), the tracking "
+    "error {tracking} ({of_tracking}). This was judged on the last part of the log.",
     "validation": "On the validation log",
     "held_out": "Cross-validated on the log",
     "tile": "{rms} RMS · {share} of the RMS effort · in the fit {fit}",
@@ -191,6 +193,9 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "missing": "is missing from the model",
     "hint": "Modelling it does not reduce the residual yet ({data}): a hint only.",
     "falls": "{modelled} {residual} falls from {before} to {after} RMS ({data}).",
+    "gain": ", from {before:.3g} to {after:.3g} 1/s",
+    "residual": "the residual",
+    "signal": "the residual of the {signal}",
     "alone": "With it alone modelled",
     "modelled": "With it modelled",
     "not explained": "{axis}: no named cause explains the residual of {rms} RMS.{looks}",
@@ -200,6 +205,33 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
     "No cause was searched for there.",
 }
+
+CHANGED = {"times": "to {after} times its value", "from": "from {before} to {after}"}
+"""How far the number of a cause moved."""
+
+SCREEN = {
+    "sure": "{sure:.0%} for {cause}",
+    "rival": "; next: {rival}, {chance:.0%}",
+    "alike": "; these logs cannot distinguish it from {others}",
+    "agrees": "The largest residual for what is expected is that of {axis}: {rms} RMS, {expected} expected.",
+    "open": "{axis}: residual of the {signal} {rms} RMS, {expected} expected; no cause is sure enough to be named.",
+    "unjudged": "{axis}: residual of the {signal} {rms} RMS; what to expect is not known.",
+    "logs": "{logs}{valid}; compared with {reference}.",
+    "valid": ", validated on {logs}",
+    "twin": "the twin identified from {logs}",
+    "model": "the machine's model, fitted to them",
+    "keep": "Nothing needs repair. Keep this log as a reference for later ones.",
+    "again": "Record the motion again to confirm the finding.",
+    "picture": "Axis {axis}: motor effort where the difference is largest",
+    "stretch": "{start:.4g} to {end:.4g} s of {log}; below, measured minus predicted.",
+}
+"""The first screen of the page of `diagnose`: how sure, on which data, what to do now, and its picture."""
+
+STATES = {
+    "change": {"changed": "changed", "unchanged": "unchanged", "cannot say": "cannot say"},
+    "structure": {"changed": "unlike its model", "unchanged": "as its model", "cannot say": "cannot say"},
+}
+"""Situation -> state of an axis -> the words that people read."""
 
 DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
     "title": "State of every axis",
@@ -310,6 +342,7 @@ STUDIED = {  # what `study` found
     "enough": "{seconds:.3g} s are enough",
     "more": "the error has not settled; a longer log would help",
     "coupling": "a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}",
+    "runaway": "a model for each axis alone predicts {axes} no better than the mean of the effort; not drawn there",
     "without": "without {effect} the RMS error grows from {complete:.3g} to {without:.3g} {unit}",
     "overlay": "the curve explains {share:.0%} of the data's power",
     "errors": "{share:.0%} of the tracking error comes from {cause}",

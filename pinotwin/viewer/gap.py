@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.diagnosis.grade import Grade, printed
+from pinotwin.diagnosis.conclusion.sizes import place_of
+from pinotwin.diagnosis.grade import Grade
 from pinotwin.diagnosis.result import Diagnosis
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
+from pinotwin.system.phrases import STATES
 from pinotwin.twin import Twin
 from pinotwin.viewer.meshes import GREY, Colour
 from pinotwin.viewer.panel import panel
-from pinotwin.viewer.scene import colour, draw, visual_model
+from pinotwin.viewer.scene import Scene, arrow, colour, draw, place_mark, visual_model
+from pinotwin.viewer.stage import corners, diagonal
 from pinotwin.viewer.tracks import Tracks, tracks_of
 
 COLOURS: dict[Grade, Colour] = {
@@ -38,9 +43,30 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}
     for name, axis in machine.axes.items():
-        shades[axis.joint] = (*COLOURS.get(_grade(found, name), GREY), 1.0)
-    drawn = colour(draw(machine.model, visual, frames=False, masses=False, name=machine.name), shades)
+        shades[axis.joint] = (*shade(found, name), 1.0)
+    drawn = draw(machine.model, visual, frames=False, masses=False, name=machine.name)
+    drawn = colour(drawn, shades)
+    mark(drawn, found, machine)  # in a colour of its own
     return panel(drawn, machine, tracks=tracks, subtitle=_told(found, machine.axes))
+
+
+def shade(found: Diagnosis, axis: str) -> Colour:
+    """Return the colour of an axis: of what is open or near it, of what changed, else grey."""
+    changed = COLOURS["gap explained"] if found.state(axis) == "changed" else GREY
+    return COLOURS.get(_grade(found, axis), changed)
+
+
+def mark(drawn: Scene, found: Diagnosis, machine: Machine) -> None:
+    """Draw where a defect is along the travel, and which way a force on an axis acts, where that was found."""
+    size = diagonal(corners(drawn.model, drawn.visual, drawn.q))
+    for e in found.effects:
+        axis = machine.axes.get(str(e.axis))
+        place = place_of(e)
+        if axis is not None and place is not None:
+            place_mark(drawn, axis.joint, place, 0.02 * size)
+        elif axis is not None and e.effect == "external_force" and e.size:
+            line = joint_axis(drawn.model, drawn.model.getJointId(axis.joint))[1]
+            arrow(drawn, axis.joint, math.copysign(1.0, e.size[0].after) * line, 0.25 * size)
 
 
 def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.05) -> Tracks:
@@ -61,5 +87,5 @@ def _grade(found: Diagnosis, axis: str) -> Grade:
 
 
 def _told(found: Diagnosis, axes: Iterable[str]) -> str:
-    words = ", ".join(f"{name} {printed(_grade(found, name))}" for name in axes)
-    return f"playing the diagnosed log; motor effort: {words}"
+    words = ", ".join(f"{name} {STATES[found.situation][found.state(name)]}" for name in axes)
+    return f"playing the diagnosed log; {words}"

@@ -299,6 +299,9 @@ async function draw_all(viewer) {
     });
     $("axis").onchange = () => { state.axis = Number($("axis").value); rebuild(); show(); };
     $("axis").hidden = !$("axis").options.length;
+    // first the axis of which a cause was found: its residual has a second line, with the cause
+    const lit = DATA.axes.findIndex((axis) => axis.series && (axis.series.gap || []).length > 1);
+    if (lit >= 0) $("axis").value = lit;
     if ($("axis").options.length) state.axis = Number($("axis").value);
     rebuild();
     window.addEventListener("resize", show);

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.errors import InputError, nearest
 from pinotwin.machine.urdf import without_missing_meshes
 from pinotwin.viewer.meshes import GREY, Rgba, parts_of
@@ -202,6 +203,40 @@ def _draw_masses(drawn: Scene, size: float) -> None:
 def _overlay(colour: int, opacity: float) -> mg.Material:
     """Return a material that is drawn last and is not hidden by what stands before it."""
     return mg.MeshBasicMaterial(color=colour, opacity=opacity, transparent=True, depthTest=False)
+
+
+def arrow(drawn: Scene, joint: str, along: Floats, size: float) -> None:
+    """Draw an arrow of ``size`` [m] that moves with a joint, from its frame along a direction (3,) in it."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), np.asarray(along, dtype=float)).matrix()
+    node = drawn.node(drawn.model.getJointId(joint))["arrow"]
+    node["shaft"].set_object(mg.Cylinder(0.8 * size, 0.025 * size), _overlay(_MASS_COLOUR, 0.95))
+    node["shaft"].set_transform(pin.SE3(turn, turn @ np.array([0.0, 0.4 * size, 0.0])).homogeneous)
+    node["head"].set_object(mg.Cylinder(0.2 * size, 0.0, 0.0, 0.07 * size), _overlay(_MASS_COLOUR, 0.95))
+    node["head"].set_transform(pin.SE3(turn, turn @ np.array([0.0, 0.9 * size, 0.0])).homogeneous)
+
+
+def place_mark(drawn: Scene, joint: str, at: float, size: float) -> None:
+    """Draw a ball of a radius [m] where a joint is at a position ``at`` [m or rad]; it stays with the body before."""
+    number, q = drawn.model.getJointId(joint), drawn.q.copy()
+    own, moved = drawn.model.joints[number], np.zeros(drawn.model.nv)
+    q[own.idx_q : own.idx_q + own.nq] = pin.neutral(drawn.model)[own.idx_q : own.idx_q + own.nq]
+    moved[own.idx_v] = at
+    poses, before = (
+        joint_poses(drawn.model, pin.integrate(drawn.model, q, moved)),
+        drawn.model.parents[number],
+    )
+    # Of a joint that turns it is a point off its axis, towards what it carries.
+    carried = zip(drawn.model.jointPlacements, drawn.model.parents, strict=True)
+    arms = [
+        pose.translation
+        for pose, parent in carried
+        if parent == number and joint_axis(drawn.model, number)[0]
+    ]
+    arm = max(arms, key=lambda x: float(np.linalg.norm(x)), default=np.zeros(3))
+    place = poses[before].inverse() * poses[number].act(0.5 * arm)
+    ball = drawn.node(before)[f"place {joint}"]
+    ball.set_object(mg.Sphere(size), _overlay(_MASS_COLOUR, 0.95))
+    ball.set_transform(pin.SE3(np.eye(3), place).homogeneous)
 
 
 def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:

@@ -9,9 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Size
 from pinotwin.effects.position import PositionTable
-from pinotwin.system.phrases import NUMBERS
+from pinotwin.system.phrases import CHANGED, NUMBERS
+from pinotwin.units import shown
 
 FEW = 4  # So many numbers are shown one by one
 
@@ -61,44 +63,52 @@ def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
 def name_words(size: Size) -> str:
     """Return what a number is, in words."""
     family, _, last = size.name.partition(".")
-    return NUMBERS.get(size.name) or (last or family).replace("_", " ")
+    return NUMBERS.get(size.name) or _place_text((last or family).replace("_", " "))
 
 
 def size_text(size: Size, digits: int = 4) -> str:
     """Return a size in words: from what to what where the model held a number, or an effort had no limit."""
-    name = size.name.partition(".")[2] or size.name
+    name = _place_text(size.name.partition(".")[2] or size.name)
     if np.isnan(size.before) or size.before == 0.0:
         return f"{name} {now_text(size, digits)}"
-    before = _number(size.before, digits) if np.isfinite(size.before) else "none"
+    one = in_shown_unit(size)
+    before = _number(one.before, digits) if np.isfinite(one.before) else "none"
     return f"{name} {before} -> {now_text(size, digits)}"
+
+
+def in_shown_unit(size: Size) -> Size:
+    """Return a size in the unit in which people read it, all its numbers in the same."""
+    low, high = size.interval
+    factor, unit = shown(size.unit, max(abs(x) if np.isfinite(x) else 0.0 for x in (size.before, size.after)))
+    before, after = factor * size.before, factor * size.after
+    return replace(size, before=before, after=after, unit=unit, interval=(factor * low, factor * high))
 
 
 def now_text(size: Size, digits: int = 4) -> str:
     """Return what these logs give, with its unit."""
-    return _with_unit(size.after, size.unit, digits)
+    one = in_shown_unit(size)
+    return f"{_number(one.after, digits)} {one.unit}".strip()
 
 
 def before_text(size: Size) -> str:
     """Return what the model held, with its unit; a dash for what is no number of the model."""
     if np.isnan(size.before):
         return "–"
-    return "none" if np.isinf(size.before) or size.before == 0.0 else _with_unit(size.before, size.unit)
-
-
-def _with_unit(x: float, unit: str, digits: int = 4) -> str:
-    return _number(x, digits) if unit == "-" else f"{_number(x, digits)} {unit}"
+    one = in_shown_unit(size)
+    none = np.isinf(size.before) or size.before == 0.0
+    return "none" if none else f"{_number(one.before, 4)} {one.unit}".strip()
 
 
 def _number(x: float, digits: int) -> str:
     return f"{float(f'{x:.{digits}g}'):g}"
 
 
-def interval_text(size: Size) -> str:
-    """Return the 90 % interval; a dash for none."""
-    low, high = size.interval
+def interval_text(size: Size, digits: int = 4) -> str:
+    """Return the 90 % interval in the unit of :func:`now_text`; a dash for none."""
+    low, high = in_shown_unit(size).interval
     if np.isnan(low) or np.isnan(high):
         return "–"
-    return f"{low:.4g} to {high:.4g}" if np.isfinite(high) else f"{low:.4g} and more"
+    return f"{low:.{digits}g} to {high:.{digits}g}" if np.isfinite(high) else f"{low:.{digits}g} and more"
 
 
 def times_text(size: Size) -> str:
@@ -131,12 +141,43 @@ def _pitch(found: Found) -> str:
 
 def _place(found: Found) -> str:
     """Return where along the travel a table is largest."""
+    place = place_of(found)
+    turns = isinstance(found.listed, PositionTable) and found.listed.rotary
+    return "" if place is None else f" at {_along(place, 'rad' if turns else 'm')}"
+
+
+def place_of(found: Found) -> float | None:
+    """Return where along the travel a table is largest [m or rad]; None for another cause."""
     table = found.listed
     if not isinstance(table, PositionTable) or len(table.knots) != len(found.size):
-        return ""
-    at = max(range(len(found.size)), key=lambda k: abs(found.size[k].after))
-    return f" at {_along(float(table.knots[at]), 'rad' if table.rotary else 'm')}"
+        return None
+    return float(table.knots[max(range(len(found.size)), key=lambda k: abs(found.size[k].after))])
 
 
 def _along(x: float, unit: str) -> str:
-    return f"{math.degrees(x):.4g}°" if unit == "rad" else f"{1e3 * x:.4g} mm"
+    factor, read = shown(unit, x)
+    return f"{factor * x:.4g} {read}"
+
+
+def _place_text(name: str) -> str:
+    """Return the name of a number with the place in it in the unit in which people read it."""
+    return re.sub(r"(?<=at )(-?[\d.e-]+) (m|rad)$", lambda x: _along(float(x[1]), x[2]), name)
+
+
+def change_text(found: Found) -> str:
+    """Return the change of a cause for a sentence: from what to what, its interval, its pitch or place."""
+    sizes = told(found.size)
+    if not sizes:
+        return ""
+    table = "points" in sizes[0].name
+    first = max(sizes, key=lambda s: abs(s.after)) if table else sizes[0]
+    span, times = interval_text(first, 3), times_text(first)
+    about = [f"90 %: {span}"] * (span != "–") + [times] * (first.unit != "-" and bool(times))
+    rest = (f" ({', '.join(about)})" if about else "") + (_place(found) if table else _pitch(found))
+    was, now = _number(in_shown_unit(first).before, 3), now_text(first, 3)
+    if not np.isfinite(first.before) or first.before == 0.0:
+        name = "" if name_words(first) == effect_words(found.effect) else f"{name_words(first)} "
+        return f": {name}{now}{rest}"
+    form = CHANGED["times" if first.unit == "-" and first.before == 1.0 else "from"]
+    name = f", {name_words(first)}" if len(sizes) > 1 else ""
+    return f"{name} {form.format(before=was, after=now)}{rest}"

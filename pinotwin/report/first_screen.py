@@ -1,0 +1,150 @@
+"""The first screen of a diagnosis: how sure it is, on which data, what to do now, and one picture of the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pinotwin.diagnosis.grade import OPEN, left_anyway
+from pinotwin.diagnosis.phrases import label_words, on_axis
+from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
+from pinotwin.errors import PinotwinError
+from pinotwin.report.blocks import Plot
+from pinotwin.report.diagnosis_plots import shown
+from pinotwin.report.diagnosis_verdict import event, rotary_axes
+from pinotwin.report.display import scale_of
+from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
+from pinotwin.system.phrases import SCREEN, SIGNALS, joined
+from pinotwin.twin import Twin
+
+
+def how_sure(d: Diagnosis) -> list[str]:
+    """Return how sure every cause is and what else it could be; without a cause, residual and expected error."""
+    out = []
+    for e in d.effects[:3]:
+        said = SCREEN["sure"].format(sure=e.confidence, cause=on_axis(e.effect, e.axis))
+        rivals = [a for a in e.alternatives if a.get("probability", 0.0) >= 0.005]
+        best = max(rivals, key=lambda a: float(a["probability"]), default=None)
+        if best is not None and best["effect"] not in ("none", "unknown"):
+            rival = on_axis(str(best["effect"]), best.get("axis"))
+            said += SCREEN["rival"].format(rival=rival, chance=best["probability"])
+        labels = (e.effect, f"{e.axis}.{e.effect}")
+        alike = [x for g in d.confusable if set(labels) & {*g} for x in g if x not in labels]
+        if alike:
+            said += SCREEN["alike"].format(others=joined([*map(label_words, alike)]))
+        out.append(f"{said}.")
+    return out or _held_against(d)
+
+
+def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
+    """Return residual and expected error of every open signal, else of the one where they are nearest."""
+    rows = [(axis, s, g) for axis, row in d.gap.items() for s, g in row.items()]
+    still = [row for row in rows if d.grade(row[0], row[1]) in OPEN]
+    efforts = [row for row in rows if row[1] == "u"] or rows
+    out = []
+    for axis, signal, g in still[:most] or sorted(efforts, key=lambda row: _over(row[2]))[-1:]:
+        scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
+        level = left_anyway(g.noise, g.expected)
+        form = "unjudged" if not level else "open" if still else "agrees"
+        given = {"axis": axis, "signal": SIGNALS[signal], "rms": scale.text(g.rms)}
+        out.append(SCREEN[form].format(**given, expected=scale.text(level)))
+    return out
+
+
+def _efforts(d: Diagnosis) -> dict[str, Gap]:
+    return {axis: row["u"] for axis, row in d.gap.items() if "u" in row}
+
+
+def _over(gap: Gap) -> float:
+    """Return a residual over what is expected of it, of a machine over its effort."""
+    return gap.rms / gap.expected if gap.expected > 0.0 else gap.nrmse
+
+
+def which_data(d: Diagnosis) -> str:
+    """Return the logs that were diagnosed and what they were compared with."""
+    logs, twin = d.provenance.get("logs", ()), d.provenance.get("twin_from", ())
+    names = {
+        role: _names([row for row in logs if row.get("role") == role]) for role in ("diagnosed", "validation")
+    }
+    valid = SCREEN["valid"].format(logs=names["validation"]) if names["validation"] else ""
+    of = (
+        SCREEN["model"]
+        if d.situation == "structure"
+        else SCREEN["twin"].format(logs=_names(twin) or "earlier logs")
+    )
+    return SCREEN["logs"].format(logs=names["diagnosed"] or "the log", valid=valid, reference=of)
+
+
+def _names(rows: Sequence[dict[str, object]], most: int = 3) -> str:
+    names = [Path(str(row.get("source", ""))).name for row in rows]
+    return (
+        joined([*names[:most], *([f"{len(names) - most} more"] if len(names) > most else [])])
+        if names
+        else ""
+    )
+
+
+def what_now(d: Diagnosis, remedies: Sequence[str], advice: Sequence[str]) -> list[str]:
+    """Return the first things to do: at the machine, else what to record."""
+    if d.verdict == "none":
+        return [SCREEN["keep"]]
+    return [*remedies[:2], *advice][: max(len(remedies[:2]), 1)] or [SCREEN["again"]]
+
+
+def picture(d: Diagnosis) -> Plot | None:
+    """Return measured, predicted, and predicted with the causes where they differ most; None without the logs."""
+    efforts, named = _efforts(d), {e.axis for e in d.effects}
+    traces = {
+        t.axis: t
+        for t in reversed(d.traces)
+        if t.axis in efforts and len(t.t) > 1 and t.log < len(d.prepared)
+    }
+    axis = max(traces, key=lambda a: (a in named, d.state(a) == "changed", _over(efforts[a])), default=None)
+    try:
+        return None if axis is None else _picture(d, traces[axis])
+    except PinotwinError:
+        return None  # the log or the machine is not at hand; the rest stands
+
+
+def _picture(d: Diagnosis, given: Traces) -> Plot | None:
+    motion = d.prepared[given.log].motion
+    if given.axis not in motion.names:
+        return None
+    j, turns = motion.index(given.axis), rotary_axes(d).get(given.axis, False)
+    times = [time for e in d.effects if e.axis == given.axis and (time := event(d, e))]
+    if times and isinstance(d.subject, Twin):  # the rows of an event are not among those that were judged
+        low, high = (float(motion.t[0]) + x for x in times[0].range)
+        at = np.flatnonzero((motion.t >= 2.0 * low - high) & (motion.t <= 2.0 * high - low))
+        before = motion.u[at, j] - d.subject.effort(motion)[at, j]
+        given, rows = Traces(given.axis, given.log, motion.t[at], before, before), slice(None)
+    else:
+        rows = loudest(given)
+    t = given.t[rows]
+    at = np.flatnonzero((motion.t >= t[0]) & (motion.t <= t[-1]))
+    at = at[:: -(-len(at) // 1500)]
+    whole, measured = motion.u[at, j], np.interp(t, motion.t, motion.u[:, j])
+    residuals = [Line(name, y[rows], colour) for name, y, colour in shown(given)]
+    names = {RESIDUAL: "predicted by the twin" if d.situation == "change" else "predicted by the model"}
+    predicted = [
+        Line(names.get(x.colour, "predicted with the cause"), measured - x.y, x.colour) for x in residuals
+    ]
+    lines = [Line("measured", whole, MEASURED, 2.6, t=motion.t[at]), *predicted]
+    scale, small = scale_of("u", turns, measured), scale_of("u", turns, residuals[0].y)
+    quiet = [Line(x.name, x.y, x.colour, legend=False) for x in residuals]
+    block = np.r_[0, np.cumsum(np.diff(t) > 3.0 * float(np.median(np.diff(given.t))))].astype(np.intp)
+    figure = over_time(
+        t, [Panel("effort", lines, scale, 2), Panel("residual", quiet, small)], 330, block=block
+    )
+    log = Path(d.prepared[given.log].log.source).name
+    stretch = SCREEN["stretch"].format(start=t[0], end=t[-1], log=log)
+    return Plot(figure, SCREEN["picture"].format(axis=given.axis), stretch)
+
+
+def loudest(given: Traces) -> slice:
+    """Return the rows of the stretch, a tenth of all, whose squared residual is largest."""
+    width = max(len(given.t) // 10, min(len(given.t), 50))
+    power = np.r_[0.0, np.cumsum(given.before**2)]
+    start = int(np.argmax(power[width:] - power[:-width]))
+    return slice(start, start + width)
