@@ -53,14 +53,14 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 53_720,
+    lines: 54_170,
     module_numbers: 126,
     numbers_without_unit: 314,
     stories: 6,
 }
 DAYS = PACKAGE / "diagnosis" / "days"
 """What judges twins of several days, beside the search that it will replace: weighed by itself until that is gone."""
-MOST_OF_DAYS = 3_650
+MOST_OF_DAYS = 3_480
 
 
 @pytest.mark.parametrize("weigh", MOST, ids=lambda f: f.__name__)
