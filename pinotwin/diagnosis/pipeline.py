@@ -81,7 +81,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         leave_out: effects of the catalogue that are not to be considered.
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
-        false_alarm: share of healthy logs of which something may be said, of a twin of several days.
+        false_alarm: share of healthy logs of which something may be said [1], of a twin of several days.
         rules: thresholds.
 
     Raises:
