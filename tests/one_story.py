@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pinotwin.cli.diagnose import cause_lines, gap_lines
+from pinotwin.cli.diagnose import cause_lines, gap_lines, summary
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.phrases import effect_words, on_axis
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
@@ -26,9 +26,12 @@ def contradictions(d: Diagnosis) -> list[str]:
 def _states(d: Diagnosis) -> Iterator[str]:
     words, said = STATES[d.situation], d.to_dict()["state"]
     chips, cards = dict(states(d, most=len(d.gap))), axis_cards(d).text
+    terminal = next(x for x in summary(d) if x.startswith("axes: ")).removeprefix("axes: ")
     for axis in d.gap:
         state, word = d.state(axis), words[d.state(axis)]
         kind = {"changed": "bad", "unchanged": "good"}.get(state, "")
+        if f"{axis} {word}" not in terminal.split(", "):
+            yield f"state of {axis}: not {word} in the terminal: {terminal}"
         if said[axis] != state or chips.get(f"{axis} {word}") != kind:
             yield f"state of {axis}: JSON {said[axis]}, chips {chips}"
         if f'<h3>Axis {axis} <span class="chip {kind}">{word}</span></h3>' not in cards:

@@ -22,6 +22,7 @@ from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.effects.position import PositionTable
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
+from pinotwin.loop.servo import Servo
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
@@ -32,6 +33,7 @@ from pinotwin.system.phrases import STATES
 from pinotwin.viewer.gap import gap_page, mark, shade
 from pinotwin.viewer.scene import draw, visual_model
 from tests.test_report import figures, read
+from tests.test_studies import identified
 
 GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.1)
 SHRINK = Shrink(before=5.0, after=3.4, share=0.75, interval=(0.5, 0.9375), promised=1.0, on="validation")
@@ -363,3 +365,12 @@ def test_the_machine_page_shows_where_a_defect_is_and_which_way_a_force_acts() -
     assert any(path.endswith("place A") for path in paths)
     assert shade(EXPLAINED, "Y") != shade(EXPLAINED, "A")
     assert len(gap_page(replace(EXPLAINED, subject=machine, effects=[push]), machine, log)) > 1e5
+
+
+def test_a_position_gain_is_told_old_and_new() -> None:
+    twin, _ = identified()
+    servo = Servo.of_cascade(kp=20.0, kv=5000.0, rate=10.0, ffv=1.0, ffa=0.0)
+    given = replace(EXPLAINED, subject=replace(twin, servos={"Y": servo}), situation="change")
+    factor = Size("position_gain.factor", 1.0, 0.6, "-", (0.58, 0.62))
+    first = headline(replace(given, effects=[replace(found("position_gain"), size=[factor])]))[0]
+    assert "position gain fell to 0.6 times its value (90 %: 0.58 to 0.62), from 20 to 12 1/s." in first

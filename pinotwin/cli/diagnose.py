@@ -114,9 +114,10 @@ def _loaded(asked: Asked) -> Machine | Twin:
 
 def summary(found: Diagnosis) -> list[str]:
     """Return the few lines that a user wants to see, the verdict first."""
-    from pinotwin.report.diagnosis_verdict import headline
+    from pinotwin.report.diagnosis_verdict import headline, states
 
     lines = [f"{found.machine}: {found.verdict.replace('_', ' ')}", *headline(found)]
+    lines += ["axes: " + ", ".join(word for word, _ in states(found))] if found.gap else []
     if found.quick:
         lines.append("quick: candidates screened, not verified")
     lines += ["", *gap_lines(found), "", *cause_lines(found), *where_lines(found)]

@@ -19,21 +19,25 @@ from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
 from pinotwin.system.phrases import SCREEN, SIGNALS, joined
 from pinotwin.twin import Twin
 
+CHANCE = ("none", "unknown")  # alternatives that are no cause
+
 
 def how_sure(d: Diagnosis) -> list[str]:
     """Return how sure every cause is and what else it could be; without a cause, residual and expected error."""
     out = []
     for e in d.effects[:3]:
         said = SCREEN["sure"].format(sure=e.confidence, cause=on_axis(e.effect, e.axis))
-        rivals = [a for a in e.alternatives if a.get("probability", 0.0) >= 0.005]
-        best = max(rivals, key=lambda a: float(a["probability"]), default=None)
-        if best is not None and best["effect"] not in ("none", "unknown"):
-            rival = on_axis(str(best["effect"]), best.get("axis"))
-            said += SCREEN["rival"].format(rival=rival, chance=best["probability"])
         labels = (e.effect, f"{e.axis}.{e.effect}")
         alike = [x for g in d.confusable if set(labels) & {*g} for x in g if x not in labels]
         if alike:
             said += SCREEN["alike"].format(others=joined([*map(label_words, alike)]))
+        rivals = [
+            a for a in e.alternatives if a["effect"] not in (*(x.rpartition(".")[2] for x in alike), *CHANCE)
+        ]
+        best = max(rivals, key=lambda a: float(a.get("probability", 0.0)), default={})
+        if best.get("probability", 0.0) >= 0.005:  # what rounds to 1 %
+            rival = on_axis(str(best["effect"]), best.get("axis"))
+            said += SCREEN["rival"].format(rival=rival, chance=best["probability"])
         out.append(f"{said}.")
     return out or _held_against(d)
 

@@ -212,7 +212,7 @@ CHANGED = {"times": "to {after} times its value", "from": "from {before} to {aft
 SCREEN = {
     "sure": "{sure:.0%} for {cause}",
     "rival": "; next: {rival}, {chance:.0%}",
-    "alike": "; these logs cannot distinguish it from {others}",
+    "alike": " or what looks alike in this motion: {others}",
     "agrees": "The largest residual for what is expected is that of {axis}: {rms} RMS, {expected} expected.",
     "open": "{axis}: residual of the {signal} {rms} RMS, {expected} expected; no cause is sure enough to be named.",
     "unjudged": "{axis}: residual of the {signal} {rms} RMS; what to expect is not known.",
