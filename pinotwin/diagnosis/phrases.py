@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import known
-from pinotwin.system.phrases import CAUSES, REGIONS
+from pinotwin.system.phrases import CAUSES, REGIONS, joined
 from pinotwin.units import shown
 
 
@@ -33,6 +34,28 @@ def _way(before: float, after: float) -> str:
     if before == 0.0 or math.isinf(before):
         return "appeared"
     return "rose" if after > before else "fell" if after < before else "changed"
+
+
+def seen_words(detectable: Sequence[Mapping[str, Any]]) -> str:
+    """Return what friction these logs would have shown, in a sentence; empty where nothing is known of that."""
+    rows = [x for x in detectable if x["effect"] == "friction_scale"]
+    seen = [f"{x['change']:.0%} on {x['axis']}" for x in rows if x["change"] < 1.0]
+    blind = [str(x["axis"]) for x in rows if x["change"] >= 1.0]
+    out = [f"A friction change of {joined(seen)} would have been visible"] if seen else []
+    return ". ".join(
+        [*out, *([f"The friction of {joined(blind)} is not visible in these logs"] if blind else [])]
+    )
+
+
+def recording_words(recording: Sequence[Mapping[str, Any]]) -> str:
+    """Return the faults of a recording in words, with their numbers."""
+    scale = {"command_late": (1e3, " by {:.3g} ms"), "clock_scale": (1.0, " by a factor of {:.3g}")}
+    out = []
+    for x in recording:
+        factor, text = scale.get(x["fault"], (1.0, ""))
+        number = "" if x["number"] is None else text.format(factor * x["number"])
+        out.append(on_axis(x["fault"], x["axis"]) + number)
+    return joined(list(dict.fromkeys(out)))
 
 
 def label_words(label: str) -> str:

@@ -231,6 +231,8 @@ class Diagnosis(Drawn):
         The tracking error of a sound axis follows from what changed elsewhere; a rise of it that stays open does not.
         """
         row = self.gap.get(axis, {})
+        if any(x["axis"] in (axis, None) for x in self.recording):
+            return "cannot say"
         kinds = {s: KIND[self.grade(axis, s)] for s in ([signal] if signal else row)}
         if signal is None:
             still = any(self.grade(axis, s) in OPEN for s in row)

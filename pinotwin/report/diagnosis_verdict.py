@@ -7,7 +7,15 @@ from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import change_text, told
 from pinotwin.diagnosis.grade import Grade, printed
-from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence, region_words
+from pinotwin.diagnosis.phrases import (
+    effect_words,
+    moved,
+    on_axis,
+    plain_sentence,
+    recording_words,
+    region_words,
+    seen_words,
+)
 from pinotwin.diagnosis.result import Diagnosis, Found, Region, Shrink
 from pinotwin.machine import Machine
 from pinotwin.report import display
@@ -33,9 +41,12 @@ def grade_of(d: Diagnosis, axis: str) -> Grade:
 def headline(d: Diagnosis, most: int = 3) -> list[str]:
     """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
     rest = [*_possible(d), *_controllers(d), *_stays(d, most), *_errors(d)]
+    if d.recording:
+        return [DIAGNOSED["recording"].format(faults=recording_words(d.recording)), *_errors(d)]
     if d.verdict == "none":
         first = DIAGNOSED["agree_change" if d.situation == "change" else "agree_structure"]
-        return [first, *_stays(d, most), *_errors(d)]
+        seen = seen_words(d.detectable)
+        return [first, *([f"{seen}."] if seen else []), *_stays(d, most), *_errors(d)]
     if not d.effects:
         gone = _gone(d)
         open_axes = [

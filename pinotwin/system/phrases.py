@@ -202,6 +202,7 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "partly explained": "{axis}: {after} of {rms} RMS remain unexplained.{looks}",
     "not judged": "Axis {axis} is not judged: {why}.",
     "above misfit": "{axis}: the residual is {times:.2g} times the twin's expected error. Watch it.",
+    "recording": "The recording is at fault: {faults}. Repair it and diagnose again; no cause is named before that.",
     "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
     "No cause was searched for there.",
 }

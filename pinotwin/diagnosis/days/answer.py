@@ -26,7 +26,7 @@ from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.reference import Reference, knows_days, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, stretches
-from pinotwin.diagnosis.phrases import effect_words
+from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
@@ -282,32 +282,17 @@ class Answer:
     def sentence(self, effects: Sequence[Found]) -> list[str]:
         """Return what a person reads first."""
         if self.recorded or self.proofs:
-            names = [_recorded(x.row) for x in self.recorded] or [
-                f"{axis}: {effect_words(fault)}" if axis else effect_words(fault)
-                for fault, axis in self.proofs
+            return [
+                f"The recording is at fault: {recording_words(self.recording())}. Repair it and diagnose again"
             ]
-            return [f"The recording is at fault: {'; '.join(names)}. Mend it and diagnose again"]
         if effects:
             return [f"Has changed: {'; '.join(said(e) for e in effects)}"]
         if self.judged.unknown:
             row = self.judged.described
             words = "" if row is None else f": {row.axis} {described(row)}"
             return [f"Something has changed that no known cause explains{words}"]
-        return ["No change found", *self._could()]
-
-    def _could(self) -> list[str]:
-        """Return what a log without a change would have shown."""
-        rows = [x for x in self.judged.detectable if x.effect == "friction_scale"]
-        seen = [f"{100.0 * x.change:.0f} % ({x.axis})" for x in rows if x.change < 1.0]
-        blind = [x.axis for x in rows if x.change >= 1.0]
-        out = [f"friction that changes by {', '.join(seen)} would have shown"] if seen else []
-        return [*out, *([f"that of {', '.join(blind)} cannot be judged by these logs"] if blind else [])]
-
-
-def _recorded(row: Row) -> str:
-    where = "" if row.axis == ALL else f"{row.axis}: "
-    number = {"command_late": f" by {1e3 * row.theta:g} ms", "clock_scale": f" by a factor of {row.theta:g}"}
-    return f"{where}{effect_words(row.name)}{number.get(row.name, '')}"
+        seen = seen_words([x.plain() for x in self.judged.detectable])
+        return ["No change found", *([seen] if seen else [])]
 
 
 def _finite(x: float) -> float | None:

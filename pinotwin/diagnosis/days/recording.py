@@ -128,7 +128,7 @@ def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) 
 def _late(asked: Asked, name: str) -> list[Row]:
     """Return the row of a command that was recorded late by whole samples."""
     cycle = asked.q.logs[0].cycle
-    delays = np.unique(np.r_[np.arange(-2, 5), 6, 8, 10, 12, 14]) * cycle
+    delays = np.arange(-2, 15) * cycle
 
     def rest(delay: float) -> float:
         each = [asked.r.residuals(_earlier(s, name, delay), [name])[name, "law"] for s in asked.q.logs]
