@@ -43,7 +43,7 @@ def test_of_a_healthy_day_nothing_is_named_and_it_is_said_what_would_have_shown(
 ) -> None:
     found = _asked(folder, twin, "none")
     assert (found.verdict, list(found.effects)) == ("none", [])
-    assert "would have shown" in found.sentence
+    assert "would have been visible" in found.sentence
     friction = {x["axis"]: x["change"] for x in found.detectable if x["effect"] == "friction_scale"}
     assert set(friction) == {"X", "A"}
     assert all(0.05 < x < 0.5 for x in friction.values())
