@@ -273,8 +273,8 @@ class Answer:
             axis, equation = (row.axis, "plant") if row is not None and worst[1] == "plant" else worst
             out[axis] = {signals[equation]: 1.0}
         for x in self.recorded:
-            worst = max(("plant", "law"), key=lambda e: x.row.by.get(e, 0.0))
-            out.setdefault(axis_of(x.row, self.r), {})[signals[worst]] = 1.0
+            law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
+            out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
         proven = [x for _, axis in self.proofs for x in (axis.split(", ") if axis else self.r.axes)]
         for name in [*proven, *(x for x in self.c.gate.silent if x in self.gaps)]:
             out.setdefault(name, {})["u"] = 1.0
