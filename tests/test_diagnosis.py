@@ -139,7 +139,7 @@ def test_the_command_line(urdf_dir, tmp_path, capsys):
         "--quick",
     ]
     assert main(words) == 0
-    assert "\nX: low-speed friction (Stribeck) is missing from the model, s " in capsys.readouterr().out
+    assert "\nX: low-speed friction (Stribeck) is missing from the model: " in capsys.readouterr().out
     assert json.loads((tmp_path / "d.json").read_text())["effects"]
     assert (tmp_path / "d" / "diagnosis.json").is_file()
     assert main([*words, "--fail-on-gap"]) == 1

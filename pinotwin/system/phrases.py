@@ -362,7 +362,7 @@ CAUSES = {
         "check the preload of bearings, guides and screw, lubrication and wipers",
     ),
     "position_gain": (
-        "Position gain (Kv)",
+        "Position gain",
         "the gain of the position controller is not what it was",
         "compare the drive's parameters with the backup; look for a change of mode or gain set",
     ),
