@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_231,
+    lines: 54_234,
     module_numbers: 126,
     numbers_without_unit: 314,
     stories: 6,

@@ -156,7 +156,7 @@ class Diagnosis(Drawn):
         differs: files that differ from runs of the same command, with which they are not pooled.
         detectable: the least changes of the plain causes that these logs would have shown, of a twin of several days.
         evidence: the rows of evidence behind the causes, best first, likewise.
-        recording: faults of the recording itself: fault, axis and its number, before which no cause is named.
+        recording: faults of the recording itself, before which no cause is named: fault, axis, number, confidence.
         provenance: version, options, seed, and the logs with their fingerprints.
         prepared: logs that were diagnosed, with their motions.
         sealed: logs that nothing was fitted to, likewise.

@@ -57,8 +57,8 @@ def diagnosis_report(
     logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
     grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
-    acts = [(e, remedy(e.effect)) for e in d.effects]
-    remedies = [f"{_capital(on_axis(e.effect, e.axis))}: {text}." for e, text in acts if text]
+    names = [*((str(x["fault"]), x["axis"]) for x in d.recording), *((e.effect, e.axis) for e in d.effects)]
+    remedies = [f"{_capital(on_axis(*name))}: {text}." for name in names if (text := remedy(name[0]))]
     advice = [f"{_capital(plain_sentence(text))}." for text in d.advice]
     content = {
         "lines": headline(d),

@@ -42,7 +42,7 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
     """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
     rest = [*_possible(d), *_controllers(d), *_stays(d, most), *_errors(d)]
     if d.recording:
-        return [DIAGNOSED["recording"].format(faults=recording_words(d.recording)), *_errors(d)]
+        return [DIAGNOSED["recording"].format(faults=recording_words(d.recording))]
     if d.verdict == "none":
         first = DIAGNOSED["agree_change" if d.situation == "change" else "agree_structure"]
         seen = seen_words(d.detectable)

@@ -24,7 +24,10 @@ CHANCE = ("none", "unknown")  # alternatives that are no cause
 
 def how_sure(d: Diagnosis) -> list[str]:
     """Return how sure every cause is and what else it could be; without a cause, residual and expected error."""
-    out = []
+    out = [
+        SCREEN["sure"].format(sure=x["confidence"], cause=on_axis(x["fault"], x["axis"])) + "."
+        for x in d.recording[:3]
+    ]
     for e in d.effects[:3]:
         said = SCREEN["sure"].format(sure=e.confidence, cause=on_axis(e.effect, e.axis))
         labels = (e.effect, f"{e.axis}.{e.effect}")

@@ -254,15 +254,13 @@ class Answer:
         return {**out, **self.c.gate.nameless, **self.c.gate.silent}
 
     def recording(self) -> list[dict[str, Any]]:
-        """Return the faults of the recording that the equations tell."""
-        return [
-            {
-                "fault": x.row.name,
-                "axis": None if x.row.axis == ALL else x.row.axis,
-                "number": _finite(x.row.theta),
-            }
+        """Return the faults of the recording, what `check` proves first."""
+        out: list[tuple[str, str, float | None, float]] = [(f, a, None, 1.0) for f, a in self.proofs]
+        out += [
+            (x.row.name, x.row.axis.replace(ALL, ""), _finite(x.row.theta), x.probability)
             for x in self.recorded
         ]
+        return [{"fault": f, "axis": a or None, "number": n, "confidence": p} for f, a, n, p in out]
 
     def open(self) -> dict[str, dict[str, float]]:
         """Return axis -> signal -> share that stays [1], of what no cause explains though something has changed."""
