@@ -36,9 +36,7 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
         unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
     before = [] if found.verdict == "none" else [found.sentence]
     verdict: Verdict = "partly_explained" if found.effects else "unexplained"
-    sentence = ". ".join(
-        before if found.recording else [*before, *said]
-    )  # a spoilt log says nothing of drives
+    sentence = ". ".join(before if found.recording else [*before, *said])
     return replace(found, verdict=verdict, sentence=sentence, unexplained=unexplained)
 
 
