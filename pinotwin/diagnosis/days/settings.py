@@ -14,7 +14,7 @@ class Settings:
         folds: parts of a log that are left out in turn. order: of the autoregression of the misfit.
         freedom: of Student's t, by which one bad cell decides nothing.
         number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
-        least_days: logs of a twin from which on it is judged so; of two, a healthy day has its prior width.
+        least_days: logs of a twin from which on its days are measured.
         widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
             half cycles.
         prior_days: how many days that prior counts for.
@@ -27,7 +27,7 @@ class Settings:
     freedom: float = 4.0
     number: float = 2.0
     place: float = 8.0
-    least_days: int = 2
+    least_days: int = 3
     prior_days: int = 3
     widths: dict[str, float] = field(
         default_factory=lambda: {
