@@ -142,7 +142,7 @@ def fitted(questions: Sequence[Asked], weights: Sequence[float], null: Mapping[s
     t = minimize(
         loss, np.zeros(X.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 500}
     ).x
-    return Decision(mean, scale, t, dict(null), {})
+    return Decision(mean, scale, t, dict(null), {}, {})
 
 
 def trained_on(lines: Sequence[Mapping[str, Any]]) -> Decision:
@@ -263,15 +263,46 @@ def discrimination(p: Floats, right: Floats) -> float:
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b))) if len(a) and len(b) else float("nan")
 
 
+def bars(d: Decision, lines: Sequence[Mapping[str, Any]], limit: float) -> dict[str, float]:
+    """Return group -> score [nats] from which P(nothing) of nine changed machines of ten is below a limit.
+
+    The logit of P(nothing) is fitted by a line in arcsinh of the score, where it is not sure yet.
+    """
+    seen: dict[str, list[tuple[float, float]]] = {}
+    for line in lines:
+        if healthy(line) or "+" in line["kind"]:
+            continue
+        q = Asked(line, line["rows"], first=True)
+        good = [q.case.causes[k - 2] for k in q.right if k > 1]
+        nothing = float(d.probabilities(q.case)[0])
+        if good and 0.02 < nothing < 0.98:
+            best = max(good, key=lambda r: r.score)
+            seen.setdefault(best.group, []).append((best.score, nothing))
+    out = {}
+    for group, points in seen.items():
+        score, p = np.array(points).T
+        if len(points) >= 4:
+            x, y = np.arcsinh(score / 5.0), np.log(p / (1.0 - p))
+            slope, at = np.polyfit(x, y, 1)
+            least = np.log(limit / (1.0 - limit)) - 1.28 * np.std(
+                y - slope * x - at
+            )  # nine of ten lie beyond it
+            if slope < 0.0:
+                out[group] = float(5.0 * np.sinh((least - at) / slope))
+    return out
+
+
 def written(lines: Sequence[Mapping[str, Any]], path: Path) -> None:
     """Write the weights of all lines."""
     d = trained_on(lines)
+    at = limits(lines)
     data = {
         "mean": d.mean.tolist(),
         "scale": d.scale.tolist(),
         "weights": d.weights.tolist(),
         "null": dict(d.null),
-        "limits": {str(k): x for k, x in limits(lines).items()},
+        "limits": {str(k): x for k, x in at.items()},
+        "bars": bars(d, lines, at[RATES[0]]),
         "machines": sorted({x["machine"] for x in lines}),
         "questions": len(lines),
     }

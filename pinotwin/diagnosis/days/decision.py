@@ -159,6 +159,7 @@ class Decision:
         mean, scale: of the columns of causes. weights: of all columns.
         null: group or channel -> score that 95 % of healthy questions stay below [nats].
         limits: false-alarm rate -> P(nothing) below which something is said.
+        bars: group -> score at which that is reached at the least of these rates [nats].
     """
 
     mean: Floats
@@ -166,13 +167,14 @@ class Decision:
     weights: Floats
     null: Mapping[str, float]
     limits: Mapping[float, float]
+    bars: Mapping[str, float]
 
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Decision:
         """Return the weights that ``train`` wrote."""
         mean, scale, weights = (np.array(data[k], dtype=float) for k in ("mean", "scale", "weights"))
         limits = {float(k): float(x) for k, x in data["limits"].items()}
-        return cls(mean, scale, weights, data["null"], limits)
+        return cls(mean, scale, weights, data["null"], limits, data["bars"])
 
     def probabilities(self, case: Case) -> Floats:
         """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,)."""

@@ -64,7 +64,7 @@ def detectable(asked: Asked, bars: Mapping[str, float]) -> list[Limit]:
             error = asked.error(f"{cause}:{axis}" if cause == "zero" else cause, axis)
             if error is None:
                 continue
-            bar = max(bars.get(GROUP[cause], 10.0), 0.0) + 2.0
+            bar = bars.get(GROUP[cause], max(bars.values()))
             least = error * (np.sqrt(2.0 * bar) + 1.28)
             name, before, one, unit = unit_of(cause, at)
             out.append(Limit(effect_of(cause), axis, name, float(abs(least * one)), unit, float(before)))

@@ -119,7 +119,7 @@ def judge(
             break  # the recording is mended, or the limit lifted, before anything else is said
     assert first is not None
     nothing, rows, case, asked = first
-    could = detectable(asked, decision.null)
+    could = detectable(asked, decision.bars)
     return Judged(found, nothing, unknown, described, rows, asked.open, could)
 
 
