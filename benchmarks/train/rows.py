@@ -16,6 +16,7 @@ import numpy as np
 
 import pinotwin as pt
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.causes import EFFECT
 from pinotwin.diagnosis.days.judge import evidence
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
@@ -24,25 +25,7 @@ from pinotwin.effects.scene import with_model_effort
 from pinotwin.log import Log
 
 MOST = 45
-NAMES = {
-    "friction_since": "coulomb",
-    "friction_at_start": "brake",
-    "cross_friction": "coulomb",
-    "drift": "offset",
-    "zero_since": "zero",
-    "inertia": "inertial_coupling",
-    "compliance": "drive_flexibility",
-    "proportional_gain": "loop_gain",
-    "push": "external_force",
-    "cut": "external_force",
-    "snag": "external_force",
-    "tooth": "position_table",
-    "torque_constant": "effort_scale",
-    "torque_fades": "effort_scale",
-    "encoder_grows": "encoder_scale",
-    "limit": "saturation",
-    "effort_late": "delay",
-}
+NAMES = {**EFFECT, "friction_at_start": "brake", "inertia": "inertial_coupling"}
 """Row -> name that the answers of cases use; others keep theirs."""
 STRICT = {
     "push": ("push",),
@@ -73,7 +56,7 @@ def right(causes: Sequence[Mapping[str, Any]], row: Row) -> bool:
     """Whether a row describes one of the causes of a case."""
     for c in causes:
         if row.axis == c["axis"] or (c["axis"] == "*" and row.name in ("payload", "inertia")):
-            name = "backlash" if row.name.startswith("lost_motion") else NAMES.get(row.name, row.name)
+            name = NAMES.get(row.name, row.name)
             if row.name in STRICT.get(c["kind"], ()) or (c["kind"] not in STRICT and name in c["names"]):
                 return True
     return False

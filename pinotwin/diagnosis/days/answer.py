@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
@@ -25,7 +25,7 @@ from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.reference import Reference, knows_days, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
-from pinotwin.diagnosis.days.stretch import Stretch, stretches
+from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
@@ -71,7 +71,7 @@ class _Rows:
         acts = row.unseen if unseen else row.acts
         for s, x in zip(self.stretches, (acts or {}).get(axis, ()), strict=False):
             if "plant" in x:
-                y = np.asarray(x["plant"]).reshape(len(s.t), -1) @ row.numbers
+                y = combined(x["plant"], row.numbers)
                 at = self.starts[s.log] + s.start + np.arange(len(s.motion))
                 out[at] = np.interp(s.motion.t - s.motion.t[0], s.t, y)
         return out
@@ -158,7 +158,7 @@ class Answer:
             )
             theta |= dict.fromkeys(("Ixx", "Iyy", "Izz"), float(row.numbers[4]))
         shape = {"limit": row.theta} if row.name == "limit" else {}
-        rivals = [self._rival(y, p, shrink) for y, p in x.rivals if p > 0.005]
+        rivals = [self._rival(y, p) for y, p in x.rivals if p > 0.005]
         return Found(
             effect=effect_of(row.name),
             axis=axis,
@@ -172,8 +172,7 @@ class Answer:
             acts=acts,
         )
 
-    def _rival(self, row: Row, p: float, shrink: Mapping[str, Shrink]) -> dict[str, Any]:
-        del shrink
+    def _rival(self, row: Row, p: float) -> dict[str, Any]:
         axis = axis_of(row, self.r)
         return {
             "effect": effect_of(row.name),
@@ -210,10 +209,7 @@ class Answer:
                 acts = x.row.acts.get(name, [])
                 if not acts or "encoders" not in acts[0]:
                     continue
-                left = [
-                    y - np.asarray(a["encoders"]).reshape(len(y), -1) @ x.row.numbers
-                    for y, a in zip(left, acts, strict=True)
-                ]
+                left = [y - combined(a["encoders"], x.row.numbers) for y, a in zip(left, acts, strict=True)]
                 after = rms(np.concatenate([y - np.median(y) for y in left]))
                 share = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
                 shrinks[id(x)] = shrunk(level, share, (share, share), share, "fitted logs", None)

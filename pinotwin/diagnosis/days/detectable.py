@@ -13,16 +13,17 @@ from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.rows import Asked
 
 PLAIN = (
-    *(
-        "friction_scale",
-        "coulomb",
-        "viscous",
-        "offset",
-        "effort_scale",
-        "position_gain",
-        "velocity_feedforward",
-    ),
-    *("acceleration_feedforward", "lost_motion", "compliance", "zero"),
+    "friction_scale",
+    "coulomb",
+    "viscous",
+    "offset",
+    "effort_scale",
+    "position_gain",
+    "velocity_feedforward",
+    "acceleration_feedforward",
+    "lost_motion",
+    "compliance",
+    "zero",
 )
 
 

@@ -91,18 +91,15 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
         logs += stretches(twin, twin.misfit.motion.cut(start, stop), own[start:stop], k, axes, top)
     motion = twin.misfit.motion
     closed = frozenset(k for k, j in index.items() if motion.on_load and motion.on_load[j])
-    known_days = len({s.log for s in logs})
-    if known_days < SETTINGS.least_days:
-        return None
-    if known_days < 3:  # parts of few logs stand for logs, and the prior for their scatter
-        logs = [part for s in logs for part in s.thirds()]
     days = sorted({s.log for s in logs})
+    if len(days) < SETTINGS.least_days:
+        return None
     bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
     unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
     for day in days:
         known = _fitted(bare, [s for s in logs if s.log != day])
         unseen += [(s, known.residuals(s)) for s in logs if s.log == day]
-    return _measured(_fitted(bare, logs), unseen, known_days)
+    return _measured(_fitted(bare, logs), unseen, len(days))
 
 
 def _logs(motion: Motion, log: Ints) -> list[tuple[int, int]]:
@@ -174,7 +171,7 @@ def _day(
         numbers.append(b)
         rest.append(y - X @ b)
     dry, viscous, offset, inertia, snap = np.mean(np.square(numbers), axis=0)
-    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, days if days >= 3 else 0
+    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, days
 
     def mixed(seen: float, name: str) -> float:
         p = prior[name]

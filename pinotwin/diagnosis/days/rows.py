@@ -14,6 +14,7 @@ from pinotwin.diagnosis.days.mechanisms import GROUP, POSSIBLE, Acts
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Cells, Scored, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import combined
 from pinotwin.diagnosis.days.tried import Tried
 
 
@@ -136,7 +137,7 @@ class Asked:
     def _worth(self, cause: str, axes: Sequence[str], theta: Floats, *, searched: bool) -> float:
         """Return the size of a cause in the effort, over the effort's own; 1 of what acts between encoders."""
         parts = [
-            np.asarray(x).reshape(len(x), -1) @ theta
+            combined(x, theta)
             for a in axes
             for acts in self.tried.columns[a]
             for e, x in acts[cause].items()
@@ -201,12 +202,7 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
             for equation in each[0]:
                 size = abs(f.theta)
                 if equation == "plant":
-                    y = np.concatenate(
-                        [
-                            np.asarray(x[equation]).reshape(len(s.t), -1) @ f.numbers
-                            for s, x in zip(q.logs, each, strict=True)
-                        ]
-                    )
+                    y = np.concatenate([combined(x[equation], f.numbers) for x in each])
                     u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
                     size = float(np.std(y) / max(float(np.std(u)), 1e-300))
                 out[axis, equation] = min(size, 1.0)

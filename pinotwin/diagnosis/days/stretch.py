@@ -45,18 +45,6 @@ class Stretch:
     rows: Ints
     left: Floats
 
-    def thirds(self) -> list[Stretch]:
-        """Return three parts of the stretch as logs of their own."""
-        n, out = len(self.t), []
-        for k in range(3):
-            part = slice(k * n // 3, (k + 1) * n // 3)
-            axes = {
-                a: {c: x[part] if len(x) == n else x for c, x in row.items()} for a, row in self.axes.items()
-            }
-            t, cell, rows = self.t[part], self.cell[part], self.rows[part]
-            out.append(replace(self, log=3 * self.log + k, t=t, cell=cell, rows=rows, axes=axes))
-        return out
-
     def scaled(self, factors: Mapping[str, float]) -> Stretch:
         """Return the stretch with the efforts of some axes multiplied by factors [1]."""
         axes = dict(self.axes)
@@ -73,6 +61,11 @@ class Stretch:
     def taken(self, x: Floats) -> Floats:
         """Return columns of shape (m,) or (m, k) on the log's clock after the low-pass, on the rows that are kept."""
         return smooth(x, self.cycle)[self.rows]
+
+
+def combined(x: Floats, numbers: Floats) -> Floats:
+    """Return columns of shape (n,) or (n, p) times their numbers (p,), shape (n,)."""
+    return np.asarray(x.reshape(len(x), -1) @ numbers)
 
 
 def corner(rate: float) -> float:

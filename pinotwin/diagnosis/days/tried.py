@@ -21,7 +21,7 @@ from pinotwin.diagnosis.days.mechanisms import (
 )
 from pinotwin.diagnosis.days.places import Local, local
 from pinotwin.diagnosis.days.row import ALL, Question, Row
-from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.stretch import Stretch, combined
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
@@ -138,27 +138,5 @@ def _less(s: Stretch, left: Left, found: Sequence[Row], k: int) -> Left:
         for axis, each in f.acts.items():
             for equation, x in each[k].items():
                 if (axis, equation) in out:
-                    out[axis, equation] = (
-                        out[axis, equation] - np.asarray(x).reshape(len(s.t), -1) @ f.numbers
-                    )
-    return out
-
-
-def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
-    """Return how large the causes are that were found, by axis and equation."""
-    out: dict[tuple[str, str], float] = {}
-    for f in found:
-        for axis, each in f.acts.items():
-            for equation in each[0]:
-                size = abs(f.theta)
-                if equation == "plant":
-                    y = np.concatenate(
-                        [
-                            np.asarray(x[equation]).reshape(len(s.t), -1) @ f.numbers
-                            for s, x in zip(q.logs, each, strict=True)
-                        ]
-                    )
-                    u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
-                    size = float(np.std(y) / max(float(np.std(u)), 1e-300))
-                out[axis, equation] = min(size, 1.0)
+                    out[axis, equation] = out[axis, equation] - combined(x, f.numbers)
     return out
