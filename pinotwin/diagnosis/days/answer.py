@@ -236,12 +236,8 @@ class Answer:
         return out
 
     def remains(self) -> dict[str, str]:
-        """Return axis -> what a cause or what is left follows, in words."""
+        """Return axis -> what is left follows, in words."""
         out = {}
-        for x in self.named:
-            words = follows(x.row)
-            if words:
-                out[axis_of(x.row, self.r)] = words
         row = self.judged.described
         if row is not None:
             out[row.axis] = described(row)
@@ -281,7 +277,9 @@ class Answer:
                 f"The recording is at fault: {recording_words(self.recording())}. Repair it and diagnose again"
             ]
         if effects:
-            return [f"Has changed: {'; '.join(said(e) for e in effects)}"]
+            courses = [(axis_of(x.row, self.r), follows(x.row)) for x in self.named]
+            told = [f"On {axis} {words}" for axis, words in courses if words]
+            return [f"Has changed: {'; '.join(said(e) for e in effects)}", *told]
         if self.judged.unknown:
             row = self.judged.described
             words = "" if row is None else f": {row.axis} {described(row)}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.days.mechanisms import GROUP
+from pinotwin.diagnosis.days.mechanisms import GROUP, GROWS
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch
@@ -217,7 +217,7 @@ def regions(row: Row, at: Place) -> list[Region]:
 
 def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
     """Return stretch, begin and end of what begins within a run or grows through it."""
-    if row.name in ("drift", "torque_fades", "encoder_grows"):
+    if row.name in GROWS:
         return [(k, 0.0, float(s.t[-1])) for k, s in enumerate(at.logs)]
     since = () if row.name == "friction_at_start" else row.since
     return [(k, t, float(at.logs[k].t[-1])) for k, t in enumerate(since)]

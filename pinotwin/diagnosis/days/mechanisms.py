@@ -50,6 +50,8 @@ GROUPS = {
     "describe": ("describe",),
 }
 GROUP = {name: group for group, names in GROUPS.items() for name in names}
+GROWS = ("drift", "torque_fades", "encoder_grows")
+"""What grows with a log's own time: no other log tells how far it has come there."""
 POSSIBLE = {
     "friction_scale": (-1.0, 9.0),
     "coulomb": (-1.0, 9.0),

@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.healthy import Shapes
-from pinotwin.diagnosis.days.mechanisms import GROUP, POSSIBLE, Acts
+from pinotwin.diagnosis.days.mechanisms import GROUP, GROWS, POSSIBLE, Acts
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Cells, Scored, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
@@ -117,7 +117,7 @@ class Asked:
     def _unseen(self, cause: str, axes: Sequence[str]) -> dict[str, list[Acts]] | None:
         """Return the columns of a cause in the validation logs; None where they hang on the logs in question."""
         told = [self.tried.unseen.get(a, []) for a in axes]
-        if not all(each and all(cause in x for x in each) for each in told):
+        if cause in GROWS or not all(each and all(cause in x for x in each) for each in told):
             return None
         return {a: [x[cause] for x in each] for a, each in zip(axes, told, strict=True)}
 
