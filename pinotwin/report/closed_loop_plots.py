@@ -45,7 +45,7 @@ def response_figure(machine: Machine, log: Log, predicted: Log, axes: Iterable[s
     """Return measured and predicted tracking error and effort over time, of some axes or of all."""
     names = list(axes) or list(machine.axes)
     panels = [response_panel(machine, log, predicted, name, s) for name in names for s in SIGNALS]
-    return over_time(log.t, panels, 70 + 175 * len(panels), points=max(1500 // len(names), 600))
+    return over_time(log.t, panels, 70 + 175 * len(panels), points=max(900 // len(names), 400))
 
 
 def cause_shares_figure(parts: Decomposition, least: float = 0.002) -> go.Figure:
@@ -65,4 +65,4 @@ def causes_figure(
     drawn = [c for c in CAUSES if size.get(c, 0.0) > least * sum(size.values())]
     lines = [Line("sum", total, SOFT, 1.0), *(Line(CAUSES[c][0], mine[c], CAUSES[c][1]) for c in drawn)]
     scale = scale_of("u" if what == "disturbance" else "e", rotary, total)
-    return over_time(parts.t, [Panel(what, lines, scale)], 330, points=1000)
+    return over_time(parts.t, [Panel(what, lines, scale)], 330, points=600)

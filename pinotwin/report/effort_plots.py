@@ -31,7 +31,7 @@ def effort_figure(given: Evidence) -> go.Figure:
     """Return measured and predicted effort with the residual below, all axes on one time axis."""
     count = len(given.measured)
     panels = [panel for j in given.measured for panel in _effort_pair(given, j)]
-    points = max(1500 // max(count // 2, 1), 600)
+    points = max(900 // max(count // 2, 1), 400)
     return over_time(given.t, panels, 70 + 285 * count, block=given.block, points=points)
 
 
@@ -86,7 +86,7 @@ def breakdown_figure(given: Evidence, j: int) -> go.Figure:
     lines = [Line("measured", given.u[:, j], MEASURED, 1.2)]
     lines += [Line(name.replace("_", " "), sums[name], effect_colour(name), 1.5) for name in drawn]
     scale = display.scale_of("u", given.rotary[j], given.u[:, j])
-    return over_time(given.t, [Panel("effort", lines, scale)], 360, block=given.block, points=1000)
+    return over_time(given.t, [Panel("effort", lines, scale)], 360, block=given.block, points=600)
 
 
 def residual_figure(given: Evidence, j: int, against: Against) -> go.Figure:

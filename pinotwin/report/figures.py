@@ -131,7 +131,7 @@ class Panel:
 
 
 def over_time(
-    t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 1500
+    t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 700
 ) -> go.Figure:
     """Return plots over t [s] (m,) that zoom together; no line leaves its ``block`` and keeps about ``points``."""
     count, named = len(panels), set[str]()
@@ -196,7 +196,7 @@ def against_figure(
     series: Sequence[tuple[str, Floats, str]],
     title: str,
     size: Floats,
-    points: int = 1500,
+    points: int = 450,
 ) -> go.Figure:
     """Return efforts over position or speed, with medians of forty bins; ``series``: name, values [SI] (m,), colour."""
     across = scale_of("v" if against == "velocity" else "q", rotary, x)
@@ -226,7 +226,7 @@ def longest(breaks: Mask) -> slice:
     return slice(int(edges[k]), int(edges[k + 1]))
 
 
-def visible_rows(signals: list[Floats], points: int = 1500) -> Ints:
+def visible_rows(signals: list[Floats], points: int = 800) -> Ints:
     """Return the rows (k,) that a screen needs, about ``points``: the extremes of every signal (m,) per pixel."""
     m = len(signals[0])
     if m <= points:
@@ -249,7 +249,7 @@ def broken(rows: Ints, block: Ints | None, *arrays: Floats) -> list[Floats]:
     return [np.insert(np.asarray(x[rows], dtype=float), breaks, np.nan) for x in arrays]
 
 
-def some_rows(count: int, points: int = 1800) -> Ints:
+def some_rows(count: int, points: int = 900) -> Ints:
     """Return rows for a cloud of points, at random so that no pattern of the log is aliased."""
     if count <= points:
         return np.arange(count)
