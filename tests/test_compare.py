@@ -173,7 +173,7 @@ def test_a_controller_that_was_tuned_is_said_though_the_plant_is_as_it_was(tmp_p
         twins.append(tmp_path / str(seed))
     found = compare(*twins)
     assert found.moved == ()
-    assert "Controller: Y.Kv, Y.ffv moved." in found.sentence
+    assert "Controller: Y.Kv 15.18 -> 90.23 1/s (+494%); Y.ffv" in found.sentence
     row = found.to_dict()["controller"][0]
     values = [row["values"][label]["value"] for label in found.labels]
     assert values == pytest.approx([17.0 / 1.12, 12.0 / 0.133])

@@ -17,6 +17,7 @@ import pytest
 from pinotwin.bench.engine import engine
 from pinotwin.cli import each, each_table
 from pinotwin.cli.main import main
+from pinotwin.diagnosis.grade import KIND, STATE
 from pinotwin.errors import OutputError
 from pinotwin.report.days import days_report, finding
 from pinotwin.system.writing import alone_in
@@ -114,13 +115,20 @@ def test_the_page_says_what_changed_from_which_log_on(shop: Path, done: tuple[in
     assert 'href="wednesday/report.html"' in page
     assert page.count(">unchanged<") == 5  # of two axes
     assert page.count(">changed<") == 1
-    assert page.count(">not judged<") == 2
+    assert page.count(">cannot say<") == 2
 
 
 def _row(name: str, grade: str, *causes: dict, verdict: str = "none", situation: str = "change") -> dict:
     row = {"log": f"{name}.csv", "folder": f"out/{name}", "verdict": verdict, "situation": situation}
-    gaps = {"X": {"u": {"grade": grade}}}
-    return {**row, "gaps": gaps, "causes": list(causes), "error": None, "sentence": "A story"}
+    gaps, state = {"X": {"u": {"grade": grade}}}, STATE.get(KIND[grade], "cannot say")
+    return {
+        **row,
+        "gaps": gaps,
+        "state": {"X": state},
+        "causes": list(causes),
+        "error": None,
+        "sentence": "A story",
+    }
 
 
 def _cause(axis: str | None, after: float) -> dict:
@@ -145,10 +153,10 @@ def test_sentence_and_chips_of_a_page_agree() -> None:
         == "Changed in 2 of 4 logs. Viscous friction on axis X, b 10 → 30 N·s/m: in 2 of 4 logs, first in c."
     )
     assert finding([calm, moved, more]).endswith("in every log from c on.")
-    lost = {**calm, "folder": None, "gaps": {}, "error": "cannot be read"}
+    lost = {**calm, "folder": None, "gaps": {}, "state": {}, "error": "cannot be read"}
     assert finding([lost]) == "Not diagnosed: a.csv."
     page = _page(calm, near, moved, back, more, still, lost)
-    counts = {"unchanged": 2, "watch": 1, "changed": 2, "unexplained": 1, "not judged": 1}
+    counts = {"unchanged": 2, "changed": 3, "cannot say": 2}
     assert {word: page.count(f">{word}<") for word in counts} == counts
     assert "A story" in page
     assert "Numbers that moved" in page
@@ -160,7 +168,11 @@ def test_the_page_of_a_machine_says_what_its_model_lacks() -> None:
     load = _row("b", "gap explained", _cause(None, 20.0), verdict="explained", situation="structure")
     page = _page(*rows, load)
     assert "The model lacks an effect in 1 of 3 logs. Viscous friction, b" in page
-    assert (page.count(">agrees<"), page.count(">incomplete<"), page.count("changed")) == (2, 1, 0)
+    assert (page.count(">as its model<"), page.count(">unlike its model<"), page.count("changed")) == (
+        2,
+        1,
+        0,
+    )
 
 
 def test_a_second_run_works_on_what_is_missing_or_has_changed(

@@ -57,6 +57,13 @@ class Row:
         """Standard error of the change [unit]."""
         return float(np.hypot(self.errors[0], self.errors[-1]))
 
+    @property
+    def words(self) -> str:
+        """From what to what it moved."""
+        before, after = self.values[0], self.values[-1]
+        share = f" ({after / before - 1.0:+.0%})" if before else ""
+        return f"{self.name} {before:.4g} -> {after:.4g} {self.unit}{share}"
+
     def as_dict(self, labels: Sequence[str]) -> dict[str, Any]:
         """Return the row for JSON."""
         pairs = list(zip(self.values, self.errors, strict=True))
@@ -144,12 +151,12 @@ class Comparison(Compared):
     def sentence(self) -> str:
         """The result in one sentence."""
         asked = sum(np.isfinite(row.p) for row in self.rows)
-        drives = ", ".join(row.name for row in self.retuned)
-        told = f" Controller: {drives} moved." if drives else ""
+        drives = "; ".join(row.words for row in self.retuned)
+        told = f" Controller: {drives}." if drives else ""
         if not self.moved:
             return f"None of {asked} parameters moved beyond chance.{told}"
-        named = ", ".join(key for key, *_ in self.causes[:4])
-        more = f" and {len(self.causes) - 4} more effects" if len(self.causes) > 4 else ""
+        named = "; ".join(row.words for row in self.moved[:4])
+        more = f"; and {len(self.moved) - 4} more" if len(self.moved) > 4 else ""
         return f"{len(self.moved)} of {asked} parameters moved: {named}{more}.{told}"
 
     def _shown(self) -> Shown:

@@ -81,6 +81,7 @@ def answered(log: str, folder: Path, found: Mapping[str, Any], seconds: float) -
             {k: e.get(k) for k in ("axis", "effect", "confidence", "size", "sizes")} for e in found["effects"]
         ],
         "gaps": found["gap"],
+        "state": found.get("state", {}),
         "sentence": found.get("sentence", ""),
         "situation": found.get("situation", "change"),
         "seconds": round(seconds, 2),
@@ -109,7 +110,7 @@ def failed(log: str, error: BaseException) -> dict[str, Any]:
 
 def _without_answer(log: str, verdict: str, error: str | None) -> dict[str, Any]:
     blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
-    said = {"sentence": "", "situation": ""}
+    said = {"sentence": "", "situation": "", "state": {}}
     return {"log": log, "verdict": verdict, **blank, "causes": [], "gaps": {}, **said, "error": error}
 
 

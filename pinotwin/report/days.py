@@ -16,22 +16,23 @@ from pinotwin.report.blocks import Html, Plot, chip, macro, paragraph, table
 from pinotwin.report.comparison import in_pairs, over_labels, sizes_of
 from pinotwin.report.figures import effect_colour
 from pinotwin.report.page import Page
-from pinotwin.system.phrases import DAYS, LACKING_DAYS, joined
+from pinotwin.system.phrases import DAYS, LACKING_DAYS, STATES, joined
 
 Row = Mapping[str, Any]
 Key = tuple[str, str]  # effect and axis of a cause, "" for the machine's own
-STATES = {"same": "good", "watch": "fair", "moved": "bad", "open": "bad", "unjudged": ""}
+COLOURS = {"unchanged": "good", "changed": "bad"}
 """State of an axis -> colour of its chip."""
 
 
 def days_report(document: Mapping[str, Any], out: Path) -> str:
     """Return the page of many logs as one HTML text; ``out`` is the folder that their own pages lie below."""
     rows, words = document["logs"], _words(document["logs"])
-    axes = list(dict.fromkeys(axis for row in rows for axis in row["gaps"]))
+    axes = list(dict.fromkeys(axis for row in rows for axis in row["state"]))
     lines = []
     for row in rows:
-        states = [_state(row, axis) for axis in axes]
-        chips = (chip(words[state], STATES[state]) for state in states)
+        states = [row["state"].get(axis, "cannot say") for axis in axes]
+        named = STATES[row["situation"] or "change"]
+        chips = (chip(named[state], COLOURS.get(state, "")) for state in states)
         lines.append((_link(row, out), *chips, row["error"] or _said(row)))
     page = Page(words["title"], str(document["subject"]))
     page = page.section("", paragraph(finding(rows), "verdict"), table(("log", *axes, "cause"), lines))
@@ -80,16 +81,6 @@ def _keys(rows: Sequence[Row]) -> list[Key]:
 
 def _named(row: Row, key: Key) -> Mapping[str, Any] | None:
     return next((c for c in row["causes"] if (c["effect"], c["axis"] or "") == key), None)
-
-
-def _state(row: Row, axis: str) -> str:
-    """Return the state of an axis in a log."""
-    words = {str(gap.get("grade")) for gap in row["gaps"].get(axis, {}).values()} - {"not judged"}
-    if words & {"gap explained", "partly explained"} or any(c["axis"] == axis for c in row["causes"]):
-        return "moved"
-    if not words:
-        return "unjudged"
-    return "open" if "not explained" in words else "watch" if "above misfit" in words else "same"
 
 
 def _said(row: Row) -> str:

@@ -236,12 +236,7 @@ STATES = {
 
 DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
     "title": "State of every axis",
-    "same": "unchanged",
-    "watch": "watch",
-    "moved": "changed",
-    "open": "unexplained",
     "left": "A residual without a named cause: {logs}.",
-    "unjudged": "not judged",
     "none": "No change in {logs} logs.",
     "changed": "Changed in {count} of {logs} logs.",
     "since": "{what}: in every log from {log} on.",
@@ -252,8 +247,6 @@ DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
 }
 
 LACKING_DAYS = {  # the same of the logs of a machine, where it is another
-    "same": "agrees",
-    "moved": "incomplete",
     "none": "No missing effect in {logs} logs.",
     "changed": "The model lacks an effect in {count} of {logs} logs.",
     "numbers": "Numbers that are missing",
