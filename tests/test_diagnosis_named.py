@@ -466,15 +466,6 @@ def test_the_gap_is_found_where_it_lies(twin: Twin) -> None:
     assert [x for x in localise(c.new, rng.normal(size=len(q)), 0, rng) if x.p_value is not None] == []
 
 
-def test_what_is_not_sure_is_possible_and_names_nothing(twin: Twin, worn: Log) -> None:
-    found = diagnose(twin, worn, quick=True, rules=dataclasses.replace(RULES, named=0.99))
-    assert list(found.effects) == []
-    assert (found.possible[0].effect, found.possible[0].axis) == ("viscous", "X")
-    assert found.verdict == "unexplained"
-    assert "Possible, not sure: X viscous" in found.sentence
-    assert found.to_dict()["possible"][0]["effect"] == "viscous"
-
-
 def test_a_coefficient_that_rests_at_zero_was_none_before(twin: Twin, worn: Log) -> None:
     """LWR4: "viscous b 2.134e-14 -> 1.881, x 8.8e+13"."""
     where = next(w for e, w in zip(twin.effects, twin.slices, strict=True) if e.name == "viscous")
@@ -482,7 +473,10 @@ def test_a_coefficient_that_rests_at_zero_was_none_before(twin: Twin, worn: Log)
     theta[where] = 2e-14
     found = diagnose(dataclasses.replace(twin, theta=theta), worn, quick=True)
     assert [e.effect for e in found.effects] == ["viscous"]
-    assert found.effects[0].size[0].before == 0.0
+    assert found.effects[0].size[0].before == pytest.approx(0.0, abs=1e-9)
+    assert found.effects[0].size[0].after == pytest.approx(
+        560.0, rel=0.1
+    )  # 1.5 times 199, and what was taken out
     assert "e-" not in found.sentence
 
 
@@ -517,7 +511,7 @@ def test_the_tracking_error_shrinks_by_what_was_named(twin: Twin, worn: Log) -> 
 
 def test_a_push_at_the_end_of_a_log_is_named_and_the_servo_is_not(twin: Twin) -> None:
     log = record(4)
-    late = (log.t > log.t[-1] - 0.9) & (log.t < log.t[-1] - 0.4)
+    late = (log.t > log.t[-1] - 1.5) & (log.t < log.t[-1] - 1.0)
     found = diagnose(twin, Log({**log.channels, "X.u": log["X.u"] + 40.0 * late}, source="pushed.csv"))
     assert [(e.effect, e.axis) for e in found.effects] == [("external_force", "X")]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,31 +11,9 @@ from pinotwin.diagnosis.data.comparison import within
 from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.shortlist import closes
-from pinotwin.diagnosis.signals.servo import FEATURES, FEEDBACK, Law
 from pinotwin.effects.ripple import Ripple
 from pinotwin.effects.sensing import Delay
 from tests.one_slide import RATE, SECONDS, motion, rows
-
-
-def law(u: np.ndarray, columns: np.ndarray) -> Law:
-    edges = np.linspace(0, len(u), 13).astype(int)
-    return Law(columns, u, [slice(int(a), int(b)) for a, b in pairwise(edges)], float(np.std(u)))
-
-
-@pytest.mark.parametrize("factor", [0.7, 0.8, 1.25])
-def test_changed_feedback_is_told_from_a_law_that_went_along_with_a_load(factor: float) -> None:
-    rng = np.random.default_rng(3)
-    columns, gains = rng.normal(size=(4000, len(FEATURES))), np.array([3.0, 1.0, -2.0, 2.0, 1.5, 0.5])
-    noise = 0.02 * rng.normal(size=len(columns))
-    changed = np.where([x in FEEDBACK for x in FEATURES], factor, 1.0) * gains
-    servo = law(columns @ changed + noise, columns)
-    plain = servo.left(gains)
-    assert servo.refitted(plain, FEEDBACK) == pytest.approx(0.02, rel=0.1)
-    assert servo.scaled(gains) > 2.0 * servo.refitted(plain, FEEDBACK)
-    found, error = servo.factor(plain, gains, FEEDBACK)
-    assert abs(found - factor) < 4.0 * error < 0.02
-    loaded = law(factor * columns @ gains + noise, columns)
-    assert loaded.scaled(gains) < RULES.law_scaled * loaded.refitted(loaded.left(gains), FEEDBACK)
 
 
 @pytest.mark.parametrize(("span", "seconds", "whole"), [(3e-3, 2.9e-3, True), (5e-3, 2.5e-3, False)])

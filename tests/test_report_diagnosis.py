@@ -41,19 +41,6 @@ SPEED = Region("Y", "u", "velocity", (-0.01, 0.01), "m/s", 0.6, 0.15, 0.01)
 TILT = Region("A", "u", "position", (0.0, math.pi / 2), "rad", 0.4, 0.2, 0.03)
 
 
-def test_a_controller_that_is_gone_is_no_gap_of_the_efforts() -> None:
-    """The page said that log and model differ on an axis whose tile is green."""
-    gap = {"Y": {"u": replace(GAP, rms=3.1, misfit=3.0)}, "A": {"u": replace(GAP, rms=3.1, misfit=3.0)}}
-    words = "is controlled by another law than on the twin's own logs"
-    d = diagnosis(
-        "unexplained", gap=gap, situation="change", unexplained={"A": {"e": 1.0}}, remains={"A": words}
-    )
-    said = headline(d)
-    assert said[0] == "The efforts agree with the twin; the controller of axis A does not."
-    assert said[1] == f"Axis A {words}."
-    assert {d.grade(a) for a in gap} == {"agrees"}
-
-
 def found(effect: str = "quadratic_drag", axis: str = "Y") -> Found:
     other = {"effect": "viscous_thermal", "axis": axis, "probability": 0.07, "why": "<b>little</b>"}
     size = Size(f"{effect}.b2", 0.0, 12.0, "N·s²/m²", (10.0, 14.0))

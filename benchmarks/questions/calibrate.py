@@ -29,14 +29,13 @@ from pinotwin.diagnosis.search.forward import Found, rank, refused
 from pinotwin.diagnosis.search.pushes import pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.shortlist import Shortlist
-from pinotwin.diagnosis.signals.servo import servo_changes
 from pinotwin.errors import DataError
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.system.writing import write_text
 
 ALPHA = 0.02
 """Probability of a false alarm by each rule, of another healthy question."""
-CHANGE = ("excess", "push", "law_level", "open_change")
+CHANGE = ("excess", "push", "open_change")
 """Rules derived from questions of change."""
 STRUCTURE = ("size_structure",)
 """Rules derived from questions of structure. What a model leaves open is none: of virtual machines it is 3 % of an
@@ -108,7 +107,6 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
     out = {name: least(name, lambda x: all(refused(r, searcher, x) for r in loud), rules)}
     if c.change:
         out["push"] = least("push", lambda x: not pushes(c, nothing, x), rules)
-        out["law_level"] = least("law_level", lambda x: not servo_changes(c, (), (), x), rules)
         out["open_change"] = _stays(c, nothing)
     return out
 

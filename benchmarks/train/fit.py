@@ -17,12 +17,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel
+from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel, known
 from pinotwin.diagnosis.days.judge import family
 from pinotwin.diagnosis.days.row import Row
 
 RATES = (0.02, 0.05, 0.10)
-RIDGE, OUTSIDE, FEW = 2.0, 0.3, 3.0
+RIDGE, OUTSIDE, FORMED, FEW = 15.0, 0.15, 0.1, 3.0
+"""Ridge of the weights; what a question counts whose cause was taken away, or whose effort was put in by a formula; and
+the score [nats] below which saying nothing is right as well."""
 
 
 class Asked:
@@ -37,7 +39,7 @@ class Asked:
         outside: bool = False,
     ):
         self.line = line
-        every = [(_row(x), bool(x["right"])) for x in rows]
+        every = [(_row(x), bool(x["right"])) for x in rows if np.isfinite([x["score"], x["z"]]).all()]
         good = [r for r, right in every if right]
         if outside:
             every = [
@@ -79,15 +81,16 @@ def asked(lines: Sequence[Mapping[str, Any]]) -> tuple[list[Asked], list[float]]
     """Return the questions of some lines with their weights: first and second round, and causes taken away."""
     out, weights = [], []
     for line in lines:
+        counts = FORMED if line["kind"].startswith("formed") else 1.0
         out.append(Asked(line, line["rows"], first=True))
-        weights.append(1.0)
+        weights.append(counts)
         for second in line["second"]:
             out.append(Asked(line, second["rows"], first=False))
-            weights.append(0.5)
+            weights.append(0.5 * counts)
         best = max((x["score"] for x in line["rows"] if x["right"]), default=0.0)
         if best > 12.0 and not line["kind"].startswith("spoil_") and "+" not in line["kind"]:
             out.append(Asked(line, line["rows"], first=True, outside=True))
-            weights.append(OUTSIDE)
+            weights.append(OUTSIDE * counts)
     return out, weights
 
 
@@ -150,19 +153,17 @@ def trained_on(lines: Sequence[Mapping[str, Any]]) -> Decision:
     return fitted(*asked(lines), null_scores(lines))
 
 
-def limits(lines: Sequence[Mapping[str, Any]], folds: int = 4) -> dict[float, float]:
-    """Return rate -> P(nothing) that so many healthy questions of machines left out stay below (Vovk 2005)."""
-    machines, seen = sorted({x["machine"] for x in lines}), []
+def limits(lines: Sequence[Mapping[str, Any]], folds: int = 4) -> dict[str, dict[float, float]]:
+    """Return days -> rate -> P(nothing) that so many healthy questions of machines left out stay below (Vovk 2005)."""
+    machines, seen = sorted({x["machine"] for x in lines}), dict[str, list[float]]()
     for k in range(min(folds, len(machines))):
         out = set(machines[k::folds])
         d = trained_on([x for x in lines if x["machine"] not in out])
-        seen += [
-            float(d.probabilities(Asked(x, x["rows"], first=True).case)[0])
-            for x in lines
-            if x["machine"] in out and healthy(x)
-        ]
-    seen.sort()
-    return {a: seen[max(int(a * (len(seen) + 1)), 1) - 1] for a in RATES}
+        for x in lines:
+            if x["machine"] in out and healthy(x):
+                P = d.probabilities(Asked(x, x["rows"], first=True).case)
+                seen.setdefault(known(x["days"]), []).append(float(P[0]))
+    return {k: {a: sorted(x)[max(int(a * (len(x) + 1)), 1) - 1] for a in RATES} for k, x in seen.items()}
 
 
 def left_out(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -172,7 +173,7 @@ def left_out(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         rest = [x for x in lines if x["machine"] != machine]
         d, at = trained_on(rest), limits(rest)
         for line in (x for x in lines if x["machine"] == machine):
-            out.append(_said(d, at, line))
+            out.append(_said(d, at[known(line["days"])], line))
     return out
 
 
@@ -215,11 +216,17 @@ def outside(lines: Sequence[Mapping[str, Any]]) -> None:
         if not every:
             continue
         rest = [x for x in lines if x["kind"] != kind]
-        d, at = trained_on(rest), limits(rest)[RATES[0]]
+        d, at = trained_on(rest), limits(rest)
         for line in every:
             P = d.probabilities(Asked(line, line["rows"], first=True, outside=True).case)
             best = 1 + int(np.argmax(P[1:]))
-            count["nothing" if P[0] >= at else "unknown" if best == 1 else "another"] += 1
+            count[
+                "nothing"
+                if P[0] >= at[known(line["days"])][RATES[0]]
+                else "unknown"
+                if best == 1
+                else "another"
+            ] += 1
     print("cause taken away:", count)
 
 
@@ -301,8 +308,8 @@ def written(lines: Sequence[Mapping[str, Any]], path: Path) -> None:
         "scale": d.scale.tolist(),
         "weights": d.weights.tolist(),
         "null": dict(d.null),
-        "limits": {str(k): x for k, x in at.items()},
-        "bars": bars(d, lines, at[RATES[0]]),
+        "limits": {k: {str(a): x for a, x in row.items()} for k, row in at.items()},
+        "bars": {k: bars(d, [x for x in lines if known(x["days"]) == k], at[k][RATES[0]]) for k in at},
         "machines": sorted({x["machine"] for x in lines}),
         "questions": len(lines),
     }

@@ -9,10 +9,12 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
 from pinotwin.arrays import Floats
@@ -79,6 +81,50 @@ def spoilt(log: Log, kind: str, axis: str, rng: np.random.Generator) -> Log:
     return Log(c, source=log.source)
 
 
+FORMED = ("ripple", "position_table", "viscous_thermal", "stribeck", "quadratic_drag", "push")
+
+
+def formed(logs: Sequence[Stretch], kind: str, axis: str, rng: np.random.Generator) -> list[Stretch]:
+    """Return logs with an effort of a form like those of the catalogue: the machine needs it, or it is misread."""
+    j = logs[0].motion.names.index(axis)
+    q, v = (np.concatenate([getattr(s.motion, k)[:, j] for s in logs]) for k in ("q", "v"))
+    low, span, top = q.min(), max(float(np.ptp(q)), 1e-12), float(np.quantile(np.abs(v), 0.99))
+    share, phase, knots = rng.random(), 6.0 * rng.random(), rng.normal(size=8)
+
+    def course(s: Stretch) -> Floats:
+        q, v, t = s.motion.q[:, j], s.motion.v[:, j], s.motion.t - s.motion.t[0]
+        turn = 2.0 * np.pi * q / (span * (0.03 + 0.17 * share)) + phase
+        x = {
+            "ripple": np.sin(turn) + 0.2 * np.sin(2.0 * turn),
+            "position_table": CubicSpline(np.linspace(low, low + span, 8), knots)(q),
+            "viscous_thermal": v * np.exp(-t / ((0.2 + 0.4 * share) * t[-1])),
+            "stribeck": np.tanh(v / (0.003 * top))
+            * np.exp(-((np.abs(v) / ((0.04 + 0.1 * share) * top)) ** 1.3)),
+            "quadratic_drag": np.sign(v) * np.abs(v) ** 2.1,
+            "push": pushed(t, s.log),
+        }[kind]
+        return s.taken(x)
+
+    def pushed(t: Floats, run: int) -> Floats:
+        """Return rectangular pushes at other times in every run, (m,)."""
+        start = np.random.default_rng([int(1e9 * share), run]).uniform(0.05, 0.9, int(1 + 6 * share)) * t[-1]
+        return np.asarray(np.sum([(t >= a) & (t < a + 0.3 + share) for a in start], axis=0, dtype=float))
+
+    each = [course(s) for s in logs]
+    effort = float(np.std(np.concatenate([s.axes[axis]["u"] for s in logs])))
+    scale = (
+        np.exp(rng.uniform(np.log(0.04), np.log(0.5)))
+        * effort
+        / max(float(np.std(np.concatenate(each))), 1e-300)
+    )
+    channels = ("left", "u") if rng.random() < 0.3 else ("left",)
+    out = []
+    for s, x in zip(logs, each, strict=True):
+        c = s.axes[axis]
+        out.append(replace(s, axes={**s.axes, axis: {**c, **{k: c[k] + scale * x for k in channels}}}))
+    return out
+
+
 def _stretches(r: Reference, logs: Sequence[Log]) -> list[Stretch]:
     out = []
     for k, log in enumerate(logs):
@@ -97,7 +143,14 @@ def _line(q: Question, is_right: Callable[[Row], bool], **what: Any) -> dict[str
             :MOST
         ]
 
-    line = {**what, "open": dict(case.open), "noise": dict(case.noise), "logs": case.logs, "rows": kept(rows)}
+    line = {
+        **what,
+        "days": q.reference.days,
+        "open": dict(case.open),
+        "noise": dict(case.noise),
+        "logs": case.logs,
+        "rows": kept(rows),
+    }
     good = [x for x in case.causes if is_right(x) and x.group not in ("recording", "limit")]
     second = []
     if good:
@@ -106,29 +159,40 @@ def _line(q: Question, is_right: Callable[[Row], bool], **what: Any) -> dict[str
     return {**line, "second": second}
 
 
-def lines(base: Path) -> list[dict[str, Any]]:
-    """Return the questions of one machine."""
+def lines(base: Path, *, single: bool = False) -> list[dict[str, Any]]:
+    """Return the questions of one machine: of two runs and one unseen, or of a ``single`` run."""
     twin = pt.Twin.load(base / "twin")
     r = reference(twin, list(twin.machine.names))
     if r is None:
         return []
     out = []
+    runs = ("train",) if single else ("train", "repeat", "valid")
     for d in sorted(p for p in base.iterdir() if (p / "answer.json").exists()):
         answer = json.loads((d / "answer.json").read_text(encoding="utf-8"))
         if answer["kind"] == "held_rows":
             continue  # `check` proves it
-        logs = [pt.read(d / f"{k}.csv") for k in ("train", "repeat", "valid")]
+        logs = [pt.read(d / f"{k}.csv") for k in runs]
         q = Question.of(r, _stretches(r, logs[:2]), _stretches(r, logs[2:]))
         causes = answer["causes"]
-        what = {"machine": base.name, "case": d.name, "kind": answer["kind"]}
+        what = {"machine": twin.machine.name, "case": d.name, "kind": answer["kind"]}
         out.append(_line(q, lambda row, causes=causes: right(causes, row), **what))
     rng = np.random.default_rng(sum(map(ord, base.name)))
+    for n, kind in enumerate(FORMED):
+        d, axis = base / ("none_2", "none_3")[n % 2], str(rng.choice(r.axes))
+        if (d / "answer.json").exists():
+            each = [_stretches(r, [pt.read(d / f"{k}.csv")]) for k in runs]
+            logs = [replace(s, log=k) for k, s in enumerate(s for x in each for s in x)]
+            logs, seen = formed(logs, kind, axis, rng), sum(map(len, each[:2]))
+            q = Question.of(r, logs[:seen], logs[seen:])
+            what = {"machine": twin.machine.name, "case": f"formed_{kind}", "kind": f"formed_{kind}"}
+            names = ("push", "cut") if kind == "push" else (kind,)
+            out.append(_line(q, lambda row, k=names, axis=axis: row.name in k and row.axis == axis, **what))
     for n, (kind, name) in enumerate(SPOILT.items()):
         d, axis = base / ("none_2", "none_3")[n % 2], str(rng.choice(r.axes))
         if (d / "answer.json").exists():
-            bad = [spoilt(pt.read(d / f"{k}.csv"), kind, axis, rng) for k in ("train", "repeat")]
+            bad = [spoilt(pt.read(d / f"{k}.csv"), kind, axis, rng) for k in runs[:2]]
             q = Question.of(r, _stretches(r, bad))
-            what = {"machine": base.name, "case": f"spoilt_{kind}", "kind": f"spoil_{kind}"}
+            what = {"machine": twin.machine.name, "case": f"spoilt_{kind}", "kind": f"spoil_{kind}"}
             out.append(
                 _line(
                     q, lambda row, name=name, axis=axis: row.name == name and row.axis in (axis, "*"), **what
@@ -138,12 +202,13 @@ def lines(base: Path) -> list[dict[str, Any]]:
 
 
 def main(words: Sequence[str]) -> None:
-    """Write ``MACHINE.jsonl`` into OUT for every machine folder of CASES; what is there is kept."""
+    """Write ``MACHINE.jsonl`` into OUT for every machine folder of CASES; old ones are kept. ``--single``: one run."""
     cases, out = map(Path, words[:2])
+    single = "--single" in words
     out.mkdir(parents=True, exist_ok=True)
     for base in sorted(p for p in cases.iterdir() if (p / "twin" / "twin.json").exists()):
         path = out / f"{base.name}.jsonl"
         if not path.exists():
-            text = "".join(json.dumps(x, default=float) + "\n" for x in lines(base))
+            text = "".join(json.dumps(x, default=float) + "\n" for x in lines(base, single=single))
             path.write_text(text, encoding="utf-8")
             print(base.name, flush=True, file=sys.stderr)

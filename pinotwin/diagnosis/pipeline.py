@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
 from pinotwin.diagnosis.conclusion.explained import Account, at_one_gap, stated_of
-from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
-from pinotwin.diagnosis.conclusion.open_signals import off_track, with_open_signals
+from pinotwin.diagnosis.conclusion.findings import effects_named, limits_named, pushes_named
+from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.verdict import judge
@@ -29,12 +29,10 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
-from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidences, pushes
+from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
-from pinotwin.diagnosis.signals.retuned import retuned
-from pinotwin.diagnosis.signals.servo import ServoChange, broken_laws, servo_changes
-from pinotwin.diagnosis.signals.tracking import TURNED, Tracked, track
+from pinotwin.diagnosis.signals.servo import limits
 from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.effects import Effect
 from pinotwin.effects.known import EffectLike, kind_of, with_given
@@ -92,17 +90,16 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("preparing the logs", 0.02)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
     c = compare(subject, logs, unseen)
-    found = None if leave_out or effects else diagnosed(c, seed=seed, quick=quick, false_alarm=false_alarm)
+    own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
+    options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
+    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
+    more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
+    limited = limits_named(limits(c, leave_out, rules, rests=True)) if closed_loop else []
+    found = diagnosed(c, more, limited, {**options, "false_alarm": false_alarm})
     if found is None:
-        own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
-        options = {
-            "quick": quick,
-            "seed": seed,
-            "leave_out": list(leave_out),
-            "closed_loop": closed_loop,
-            **own,
-        }
         found = _by_search(c, subject, leave_out, rules, tell, options)
+    else:
+        found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
     return replace(found, prepared=c.among(logs), sealed=c.validation)
 
 
@@ -127,17 +124,13 @@ def _by_search(
     noise, kind = noise_levels(s.rest, rules)
     gaps = gap_table(s.rest, account.together, noise)
     named = _plant_named(s, account, gaps, measured, leave_out)
-    loops = (
-        _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick)
-        if options["closed_loop"]
-        else _Loops()
-    )
+    limited = limits_named(limits(s.rest, leave_out, rules)) if options["closed_loop"] else []
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}
-    named = at_one_gap([*named, *servo_named(loops.turned), *shaken.effects], others)
-    result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
-    result = _with_encoders(_with_tracking(result, loops.tracked), measured)
+    named = at_one_gap([*named, *limited, *shaken.effects], others)
+    result = _concluded(subject, account, gaps, kind, named, seed, quick)
+    result = _with_encoders(result, measured)
     result = with_open_signals(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)
     return replace(result, provenance=made)
@@ -157,59 +150,10 @@ def _plant_named(
     )
 
 
-@dataclass(frozen=True)
-class _Loops:
-    """What is said of controllers and tracking errors."""
-
-    turned: Sequence[ServoChange] = ()  # gains that changed, and limits of drives
-    gone: Mapping[str, str] = field(default_factory=dict)  # axis -> what is said of a law that is gone
-    tracked: Tracked = field(default_factory=Tracked)  # the residual of the tracking error
-
-
-def _closed_loops(
-    s: _Searched,
-    sure: Sequence[float],
-    named: Sequence[Found],
-    leave_out: Sequence[str],
-    rules: Rules,
-    tell: Tell,
-    *,
-    quick: bool,
-) -> _Loops:
-    """Return what has changed in the controllers; from the tracking error alone only where nothing else is found."""
-    c, found = s.rest, s.found
-    put_in = courses(s.compared, [step.chosen for step in found.steps], s.pushed)
-    mismeasured = {str(e.axis) for e in named if e.effect in ("effort_scale", "delay", "encoder_error")}
-    turned = servo_changes(c, mismeasured, leave_out, rules, put_in)
-    gone = broken_laws(c, {str(x.axis) for part in (named, turned) for x in part}, rules)
-    if quick:
-        return _Loops(turned, gone)
-    tell("tracking error", 0.9)
-    causes = [step.chosen for step, x in zip(found.steps, sure, strict=True) if x >= rules.named]
-    tracked = track(c, causes, [x for x in turned if x.confidence >= rules.named])
-    if not (named or turned or gone):
-        turned = retuned(c, off_track(tracked.gaps, rules.asked_tracking), leave_out, rules)
-        tracked = track(c, causes, turned) if turned else tracked
-    return _Loops(turned, gone, tracked)
-
-
 def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) -> Vibrations:
     """Return what the logs say of the vibration of passive joints."""
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     return look_at_vibration(subject, [*c.logs, *c.validation], sealed, labels(c.motions), rng)
-
-
-def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
-    """Return the diagnosis with the residual of the tracking error, simulated from the command."""
-    gaps, shrinks = tracked.gaps, tracked.shrinks
-    gap = {axis: {**row, **({"e": gaps[axis]} if axis in gaps else {})} for axis, row in d.gap.items()}
-    effects = [
-        replace(e, shrink={**e.shrink, "e": shrinks[str(e.axis)]})
-        if e.axis in shrinks and ("u" in e.shrink or e.effect in TURNED)
-        else e
-        for e in d.effects
-    ]
-    return replace(d, gap=gap, effects=effects)
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
@@ -291,13 +235,12 @@ def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
     return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
 
 
-def _concluded(  # noqa: PLR0913, what one call has found out
+def _concluded(
     subject: Machine | Twin,
     account: Account,
     gaps: Mapping[str, Mapping[str, Gap]],
     kind: str,
     every: Sequence[Found],
-    gone: Mapping[str, str],
     seed: int,
     quick: bool,
 ) -> Diagnosis:
@@ -306,7 +249,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     ordered = sorted(every, key=_closes)
     named = [e for e in ordered if e.confidence >= rules.named]
     possible = [e for e in ordered if e.confidence < rules.named]
-    verdict = judge(c, found, gaps, named, possible, rules, gone)
+    verdict = judge(c, found, gaps, named, possible, rules)
     pairs = pairs_alike(found.steps)
     has_command = c.new.motion.qr is not None
     advice, motions = advise(kind, pairs, has_command=has_command)

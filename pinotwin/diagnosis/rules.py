@@ -161,44 +161,16 @@ class Rules:
     most_of_time: float = 0.9
     """[of the rows] Pushes that fill more than this are no episodes."""
 
-    law_holds: float = 0.35
-    """[of the effort's variation] A law that leaves more on the own logs is not that controller's."""
-    law_unsure: float = 0.1
-    """[of the effort's variation] Standard error of what the own law foretells from which it says nothing."""
-    law_worse: float = 2.5
-    """[of what it left on the own logs] From here the law no longer holds."""
-    law_part: float = 0.35
-    """[of the law's squared residual, held out] Share from which feedback or feed-forward gains alone have changed
-    although the law leaves less than that in all."""
-    law_level: float = 0.03
-    """[of the effort's variation] Least that a changed servo leaves of the law. Changes of the plant leave some too:
-    which of them it is, the shares below say."""
-    law_scaled: float = 1.1
-    """[of what other feedback gains leave] A common factor on all gains that leaves no more than this is chosen:
-    controllers that are tuned to their load take a payload up so."""
-    law_broken: float = 0.2
-    """[of the effort's variation] Least that is left of the law at a limit of the drive."""
-    law_gone: float = 1.0
-    """[of the effort's variation] From here a law that no change of the servo explains is said to be gone."""
-    law_forward: float = 0.96
-    """[of the law's squared residual beyond the own one] Share that the feed-forward alone must close."""
-    law_share: float = 0.8
-    """The same for the feedback gains."""
-    law_turned: float = 0.05
-    """[of what it was] Least by which a gain has changed."""
-    retuned: float = 0.7
-    """[of the squared tracking error beside the simulated one] Share that one factor on some gains closes, held out,
-    from which they have changed although noise hides it in the effort."""
     left_behind: float = 5.0
     """[of the own tracking error] From here an axis runs off its command."""
-    other_state: float = 0.5
-    """[of the gap over the effort's variation in the diagnosed logs] A validation log with less on an axis that
-    nothing explains may be of before the change. Advice only."""
     less_than_before: float = 0.9
     """[of the own largest effort] An axis that does not go with its command at all has met a limit only if its effort
     stays below this: else its command may be in another unit."""
     at_limit: float = 5.0
     """[of the own share of time] How much longer the effort rests at its largest size at a limit."""
+    other_state: float = 0.5
+    """[of the gap over the effort's variation in the diagnosed logs] A validation log with less on an axis that
+    nothing explains may be of before the change. Advice only."""
 
     encoder_share: float = 0.2
     """[of the squared twist between motor and load] Least that elasticity, lost motion or a table closes of it."""
@@ -211,8 +183,6 @@ class Rules:
     """[of the effort's variation, without the noise] The same for a machine."""
     open_tracking: float = 6.0
     """[misfits] The same for the tracking error, simulated from the command, and for motor against load."""
-    asked_tracking: float = 2.0
-    """[misfits] Tracking error from which it is asked whether gains have changed, where nothing else is found."""
     odd: float = 1.5
     """[misfits] Beyond this an axis is spoken of though nothing is named."""
 
@@ -257,7 +227,6 @@ RULES = Rules()
 DERIVED: Mapping[str, tuple[float, float, int]] = {
     "excess": (0.86, 0.813, 34),
     "push": (2.2, 0, 34),
-    "law_level": (0.03, 0, 34),
     "open_change": (1.8, 1.63, 34),
     "size_structure": (0.011, 0.01, 25),
 }

@@ -40,7 +40,7 @@ def grade_of(d: Diagnosis, axis: str) -> Grade:
 
 def headline(d: Diagnosis, most: int = 3) -> list[str]:
     """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
-    rest = [*_possible(d), *_controllers(d), *_stays(d, most), *_errors(d)]
+    rest = [*_possible(d), *_stays(d, most), *_errors(d)]
     if d.recording:
         return [DIAGNOSED["recording"].format(faults=recording_words(d.recording))]
     if d.verdict == "none":
@@ -48,34 +48,16 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
         seen = seen_words(d.detectable)
         return [first, *([f"{seen}."] if seen else []), *_stays(d, most), *_errors(d)]
     if not d.effects:
-        gone = _gone(d)
-        open_axes = [
-            a for a in d.remains or d.unexplained if a not in gone and grade_of(d, a) != "not judged"
-        ]
-        if gone and not open_axes:
-            return [DIAGNOSED["controllers"].format(axes=joined([f"axis {a}" for a in gone])), *rest]
-        where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
-        said = DIAGNOSED["unsure" if d.possible else "unknown"].format(where=where)
+        open_axes = [a for a in d.remains or d.unexplained if grade_of(d, a) != "not judged"]
+        where = joined([f"axis {a}" for a in open_axes or d.unexplained] or ["this machine"])
+        word = "unsure" if d.possible else "unknown" if open_axes or not d.unexplained else "unjudged"
+        said = DIAGNOSED[word].format(where=where)
         return [*([said] if open_axes or not d.remains else []), *rest]
     lines = [_cause(d, e) for e in d.effects[:most]]
     if len(d.effects) > most:
         others = joined([on_axis(e.effect, e.axis) for e in d.effects[most:]])
         lines.append(DIAGNOSED["also"].format(others=others))
     return [*lines, *rest]
-
-
-def _controllers(d: Diagnosis) -> list[str]:
-    """Return what is said of controllers whose law is gone."""
-    looks = {axis: plain_sentence(d.remains[axis]) for axis in _gone(d)}
-    return [
-        DIAGNOSED["controller"].format(axis=axis, looks=text.removeprefix("it "))
-        for axis, text in looks.items()
-    ]
-
-
-def _gone(d: Diagnosis) -> list[str]:
-    """Return the axes of which nothing but the controller is unlike the twin's."""
-    return [axis for axis, row in d.unexplained.items() if set(row) == {"e"} and axis in d.remains]
 
 
 def _possible(d: Diagnosis) -> list[str]:

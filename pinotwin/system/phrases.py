@@ -184,11 +184,10 @@ SIMULATED = {  # what the page of `simulate` says first
 DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is said of an axis with it
     "agree_change": "Log and twin agree: no change found.",
     "agree_structure": "Log and model agree: no missing effect found.",
-    "controllers": "The efforts agree with the twin; the controller of {axes} does not.",
     "unsure": "Log and model differ on {where}; no cause is certain enough to be named.",
     "unknown": "Log and model differ on {where}, and no known effect explains the residual.",
+    "unjudged": "No change found; of {where} these logs and this model cannot tell.",
     "also": "Also found: {others}.",
-    "controller": "Axis {axis} {looks}.",
     "possible": "Possible, but not sure: {names}.",
     "missing": "is missing from the model",
     "hint": "Modelling it does not reduce the residual yet ({data}): a hint only.",

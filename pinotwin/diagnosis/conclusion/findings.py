@@ -13,10 +13,10 @@ from pinotwin.diagnosis.conclusion.explained import Account, Closed, Turn
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.springs import inertias
-from pinotwin.diagnosis.result import Found, Size, shrunk
+from pinotwin.diagnosis.result import Found, Size
 from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
-from pinotwin.diagnosis.signals.servo import ServoChange
+from pinotwin.diagnosis.signals.servo import Limited
 
 LIKELY = 0.5  # Share of the winner's gain from which a rival is worth a line
 
@@ -131,18 +131,15 @@ def _rivals(account: Account, turn: Turn, won: Closed) -> list[Mapping[str, Any]
     ]
 
 
-def servo_named(changes: Sequence[ServoChange]) -> list[Found]:
-    """Return the changes of the servo as named effects."""
+def limits_named(found: Sequence[Limited]) -> list[Found]:
+    """Return drives at their limit as named effects."""
     out = []
-    for x in changes:
-        size = Size(x.name, x.before, x.after, x.unit, x.interval)
-        shrink = {}
-        if x.gap[0] > 0.0:
-            low = max(2.0 * x.share - 1.0, 0.0)
-            shrink = {"law": shrunk(x.gap[0], x.share, (low, 1.0), x.share, "held-out blocks", None)}
-        shape = {"limit": x.after} if x.effect == "saturation" else {}
-        theta = {x.name.replace(" ", "_"): x.after - (0.0 if np.isinf(x.before) else x.before)}
-        out.append(Found(x.effect, x.axis, x.confidence, shape, theta, shrink, [], size=[size], gain=x.share))
+    for x in found:
+        size = Size("limit", np.inf, x.level, x.unit, (0.98 * x.level, 1.02 * x.level))
+        shape = {"limit": x.level}
+        out.append(
+            Found("saturation", x.axis, x.confidence, shape, dict(shape), {}, [], size=[size], gain=1.0)
+        )
     return out
 
 

@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 from pinotwin.diagnosis.grade import OPEN, stays
-from pinotwin.diagnosis.result import Diagnosis, Gap, Verdict
+from pinotwin.diagnosis.result import Diagnosis, Verdict
 from pinotwin.system.phrases import SIGNALS
-
-
-def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
-    """Return axis -> times its tracking error is off by what the twin's own logs leave, of those beyond a level."""
-    times = {a: stays(g.rms, g.noise, g.expected, None) for a, g in gaps.items() if math.isfinite(g.misfit)}
-    return {axis: x for axis, x in times.items() if x > level}
 
 
 def with_open_signals(found: Diagnosis) -> Diagnosis:

@@ -37,10 +37,8 @@ def judge(
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
     rules: Rules = RULES,
-    controllers: Mapping[str, str] | None = None,
 ) -> Judgement:
     """Return the verdict on a comparison."""
-    controllers = controllers or {}
     patterns = {
         c.machine.names[s.chosen.joint]: s.chosen.effect.says()
         for s in found.steps
@@ -53,8 +51,6 @@ def judge(
     unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
     left = (*open_axes, *patterns, *unsure, *(name for name in c.gate.silent if name in gaps))
     unexplained = {axis: {"u": _left(gaps[axis]["u"])} for axis in left}
-    for axis in controllers:
-        unexplained[axis] = {**unexplained.get(axis, {}), "e": 1.0}
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
     else:
@@ -66,11 +62,10 @@ def judge(
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     maybe = [f"Possible, not sure: {'; '.join(said(e) for e in possible)}"] if possible else []
-    gone = [f"{axis} {words}" for axis, words in controllers.items()]
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
     first = _sentence(c, verdict, effects, still or judged, patterns)
-    sentence = ". ".join([*first, *gone, *maybe, *runs, *unjudged(c, told)])
-    remains = {**controllers, **patterns, **c.gate.nameless, **c.gate.silent}
+    sentence = ". ".join([*first, *maybe, *runs, *unjudged(c, told)])
+    remains = {**patterns, **c.gate.nameless, **c.gate.silent}
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
 

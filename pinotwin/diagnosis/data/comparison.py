@@ -19,7 +19,6 @@ from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
-from pinotwin.diagnosis.days.reference import knows_days
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
@@ -132,7 +131,9 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         own = sample(motion, own_residual(twin), block)
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
-    if len(logs) > 1 and not (change and knows_days(twin)):
+    if len(logs) > 1 and not (
+        change and all(m.qr is not None for m in motions)
+    ):  # those the judgement tells apart
         differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
@@ -166,14 +167,19 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     return _without_lost(c, lost) if change else c
 
 
+UNSURE = (
+    "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
+)
+"""Why an axis is not judged that its twin does not predict."""
+
+
 def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     """Return a comparison without joints at places that the twin does not know, if others are left."""
     never = "it moves outside the twin's data; identify it on the whole travel"
-    unsure = "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
-    why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
+    why = {j: never if c.machine.names[j] in lost else UNSURE for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
     varies = {j: max(c.new.size(j), c.new.foretold(j)) for j in c.new.joints}
-    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= varies[j] and _explained(c, j)]
+    judged = [j for j in c.new.joints if why[j] is UNSURE and c.floor[j] <= varies[j] and _explained(c, j)]
     if not judged or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}

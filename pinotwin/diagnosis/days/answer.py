@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.conclusion.advice import advise, resting
+from pinotwin.diagnosis.candidates.catalogue import named
+from pinotwin.diagnosis.conclusion.advice import advise, of_one_run, of_other_state, resting
 from pinotwin.diagnosis.conclusion.explained import Closed
-from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged
-from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.days.causes import Place, axis_of, described, effect_of, follows, regions, sizes
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
-from pinotwin.diagnosis.days.reference import Reference, knows_days, reference
+from pinotwin.diagnosis.days.mechanisms import GROUP, GROUPS
+from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
 from pinotwin.effects.scene import with_model_effort
-from pinotwin.logs.prepared import Prepared
 from pinotwin.motion import Motion
 from pinotwin.signals import joined, rms
 
@@ -53,9 +55,9 @@ class _Rows:
     stretches: Sequence[Stretch]
 
     @classmethod
-    def of(cls, r: Reference, logs: Sequence[Prepared]) -> _Rows:
+    def of(cls, r: Reference, motions: Sequence[Motion]) -> _Rows:
         """Return the rows of some logs."""
-        motions = [with_model_effort(x.motion, r.twin.effects, r.twin.theta) for x in logs]
+        motions = [with_model_effort(m, r.twin.effects, r.twin.theta) for m in motions]
         lefts = [m.u - r.twin.effort(m) for m in motions]
         found = [
             s
@@ -89,7 +91,7 @@ class Answer:
         self.together = {k: _sum([x for _, x in each]) for k, each in self.closed.items() if each}
         self.noise, self.kind = noise_levels(c)
         index = {c.machine.names.index(k): x for k, x in self.together.items()}
-        self.gaps = gap_table(c, index, self.noise)
+        self.gaps = {**gap_table(c, index, self.noise), **self._unjudged()}
 
     @cached_property
     def track(self) -> Tracked:
@@ -106,6 +108,17 @@ class Answer:
                 out[axis]["e"] = gap
         for (axis, _), (between, _) in self.between.items():
             out.setdefault(axis, {})["ql"] = between
+        return out
+
+    def _unjudged(self) -> dict[str, dict[str, Gap]]:
+        """Return the gaps of axes that are not judged, for their twin is unsure by more than their effort varies."""
+        out = {}
+        for axis in [x for x, why in self.c.gate.unknown.items() if why is UNSURE]:
+            j = self.c.machine.names.index(axis)
+            rows = judged_rows(self.new.motion, j)
+            if rows.any():
+                level, size = rms(self.new.left[rows, j]), rms(self.new.motion.u[rows, j])
+                out[axis] = {"u": Gap(level, level / max(size, 1e-300), float("nan"), level)}
         return out
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
@@ -131,12 +144,13 @@ class Answer:
 
     def found(self) -> list[Found]:
         """Return the named causes in the form of the contract, what reduces its residual most first."""
-        out = [self._found(x) for x in self.named]
+        out = [self.told(x) for x in self.named]
         e = self.track.shrinks
         out = [replace(x, shrink={**x.shrink, "e": e[str(x.axis)]}) if x.axis in e else x for x in out]
         return sorted(out, key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
 
-    def _found(self, x: Named) -> Found:
+    def told(self, x: Named) -> Found:
+        """Return a cause in the form of the contract."""
         axis, row = axis_of(x.row, self.r), x.row
         at = Place(self.r, axis, self.new.stretches)
         acts = {
@@ -158,6 +172,9 @@ class Answer:
             )
             theta |= dict.fromkeys(("Ixx", "Iyy", "Izz"), float(row.numbers[4]))
         shape = {"limit": row.theta} if row.name == "limit" else {}
+        if row.form is not None:
+            names = [x.name for x in row.form.shapes()]
+            shape = dict(zip(names, row.form.shape_values(), strict=True))
         rivals = [self._rival(y, p) for y, p in x.rivals if p > 0.005]
         return Found(
             effect=effect_of(row.name),
@@ -170,6 +187,7 @@ class Answer:
             gain=row.score,
             size=told,
             acts=acts,
+            listed=None if row.form is None else named(row.form),
         )
 
     def _rival(self, row: Row, p: float) -> dict[str, Any]:
@@ -219,6 +237,15 @@ class Answer:
             out[name, "encoders"] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shrinks
         return out
 
+    def against(self) -> set[int]:
+        """Return the logs in which a cause that was named explains less than nothing, if others speak for it."""
+        logs = [s.log for s in self.new.stretches]
+        out = set[int]()
+        for x in self.named:
+            gain = np.bincount(logs, x.row.logs)
+            out |= set(np.flatnonzero(gain < -x.row.price).tolist()) if gain.max() > x.row.price else set()
+        return out
+
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the causes, by axis and log."""
         out = []
@@ -266,7 +293,8 @@ class Answer:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
         proven = [x for _, axis in self.proofs for x in (axis.split(", ") if axis else self.r.axes)]
-        for name in [*proven, *(x for x in self.c.gate.silent if x in self.gaps)]:
+        unasked = [x for x in (*self.c.gate.silent, *self._unjudged()) if x in self.gaps]
+        for name in [*proven, *unasked]:
             out.setdefault(name, {})["u"] = 1.0
         return out
 
@@ -282,8 +310,10 @@ class Answer:
             return [f"Has changed: {'; '.join(said(e) for e in effects)}", *told]
         if self.judged.unknown:
             row = self.judged.described
+            maybe = "; ".join(said(self.told(x)) for x in self.judged.possible)
             words = "" if row is None else f": {row.axis} {described(row)}"
-            return [f"Something has changed that no known cause explains{words}"]
+            likely = [f"Possible, not sure: {maybe}"] if maybe else []
+            return [f"Something has changed that no known cause explains for certain{words}", *likely]
         seen = seen_words([x.plain() for x in self.judged.detectable])
         return ["No change found", *([seen] if seen else [])]
 
@@ -305,83 +335,110 @@ def _proofs(c: Comparison) -> list[tuple[str, str]]:
     return list(dict.fromkeys(found))
 
 
-def _judged(c: Comparison, r: Reference, new: _Rows, valid: _Rows | None, false_alarm: float) -> Judged:
-    """Return what has changed at a false-alarm rate [1]; nothing where the rows themselves are in doubt."""
+def _judged(
+    c: Comparison, r: Reference, new: _Rows, valid: _Rows | None, options: Mapping[str, Any]
+) -> Judged:
+    """Return what has changed; nothing where the rows themselves are in doubt."""
 
     def admits(row: Row) -> bool:
         axes = r.axes if row.axis == ALL else (row.axis,)
         servo = row.group in ("law", "limit") or row.name == "command_late"
-        shown = all(x not in c.gate.nameless and c.gate.admits(effect_of(row.name), x) for x in axes)
+        effect = effect_of(row.name)
+        shown = all(x not in c.gate.nameless and c.gate.admits(effect, x) for x in axes)
+        shown = shown and effect not in options["leave_out"]
         return row.group == "describe" or (
-            shown and (not servo or all(c.gate.asks("servo", x) for x in axes))
+            shown and (not servo or (options["closed_loop"] and all(c.gate.asks("servo", x) for x in axes)))
         )
 
     decision = trained()
     q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
     if _proofs(c):
         return Judged([], 0.0, False, None, [], {}, [])
-    return judge(q, decision, decision.limit(false_alarm), admits)
+    return judge(q, decision, decision.limit(options["false_alarm"], r.days), admits)
 
 
-def _answer(c: Comparison, false_alarm: float) -> Answer | None:
-    """Return the answer at a false-alarm rate [1] of a twin of several days; None of one whose days are not known."""
-    r = (
-        reference(c.twin, [c.machine.names[j] for j in c.new.joints])
-        if c.change and knows_days(c.twin)
-        else None
-    )
+def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
+    """Return the answer; None of a twin that keeps no rows, or knows no law of a controller."""
+    r = reference(c.twin, [c.machine.names[j] for j in c.new.joints]) if c.change else None
     if r is None:
         return None
-    new, valid = _Rows.of(r, c.logs), _Rows.of(r, c.validation) if c.validation else None
+    many = len(c.logs)
+    new, valid = _Rows.of(r, c.motions[:many]), _Rows.of(r, c.motions[many:]) if c.validation else None
     if not r.laws or not new.stretches or not all("e" in s.axes[k] for s in new.stretches for k in r.laws):
         return None  # without the controller's law a recording and a machine look alike
     valid = valid if valid is not None and valid.stretches else None
-    return Answer(c, r, _judged(c, r, new, valid, false_alarm), new, valid)
+    return Answer(c, r, _judged(c, r, new, valid, options), new, valid)
 
 
-def diagnosed(c: Comparison, *, seed: int, quick: bool, false_alarm: float) -> Diagnosis | None:
-    """Return the diagnosis of what has changed since a twin of several days; None where the days are not known.
+def diagnosed(
+    c: Comparison, more: Sequence[Found], limited: Sequence[Found], options: Mapping[str, Any]
+) -> Diagnosis | None:
+    """Return the diagnosis of what has changed since a twin was identified; None where this cannot be judged.
 
     Args:
         c: twin and logs, compared.
-        seed: of everything random, for the record.
-        quick: likewise.
-        false_alarm: share of healthy logs of which something may be said [1].
+        more: causes that other signals have shown.
+        limited: drives whose effort rests at a limit.
+        options: of :func:`pinotwin.diagnose`, for the record, too.
     """
-    a = _answer(c, false_alarm)
+    a = _answer(c, options)
     if a is None:
         return None
-    effects, opened, gap = a.found(), a.open(), a.gap
+    odd, differ = a.against(), list[str]()
+    if odd:
+        names = [Path(x.log.source).name or f"log {k + 1}" for k, x in enumerate(c.logs)]
+        kept = [k for k in range(len(names)) if k not in odd]
+        c = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation])
+        c, differ = replace(c, kept=tuple(kept)), [names[k] for k in kept]
+        a = _answer(c, options) or a
+    made = provenance(c.twin, c.logs, c.validation, **options)
+    return replace(_told(a, more, limited, differ), quick=options["quick"], provenance=made)
+
+
+def _at_rest(found: Sequence[Found], limited: Sequence[Found], strays: Collection[str]) -> list[Found]:
+    """Return causes and limits: at a limit no law is linear, and of an axis that ran off nothing else is told."""
+    of_law = {str(e.axis) for e in found if GROUP.get(e.effect) == "law"}
+    at = [x for x in limited if x.axis in of_law.union(strays)]
+    axes = {x.axis for x in at}
+    gone = (*GROUPS["law"], "saturation")
+    return [*(e for e in found if e.axis not in axes or (e.effect not in gone and e.axis not in strays)), *at]
+
+
+def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
+    """Return an answer in the form of the contract; ``differ``: the logs that are judged alone."""
+    c, opened, gap = a.c, a.open(), a.gap
+    effects = [*_at_rest(a.found(), limited, c.gate.strays), *more]
     word: Verdict = "partly_explained" if opened else "explained"
     if not effects:
         word = "unexplained" if opened else "none"
+    only = [f"The other logs show none of it: {', '.join(differ)} alone is judged"] if differ else []
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
     where = [x for n in a.named for x in regions(n.row, Place(a.r, axis_of(n.row, a.r), a.new.stretches))]
-    shrink = {n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()}
-    return with_open_signals(
-        Diagnosis(
-            verdict=word,
-            sentence=". ".join([*a.sentence(effects), *unjudged(c, {str(e.axis) for e in effects})]),
-            gap=gap,
-            where=where,
-            effects=effects,
-            confusable=[],
-            unexplained=opened,
-            remains=a.remains(),
-            noise=a.kind,
-            advice=[*advice, *resting(c.machine, {*gap, *c.gate.unknown})],
-            warnings=c.gate.warnings,
-            situation="change",
-            shrink=shrink,
-            quick=quick,
-            traces=a.traces(),
-            machine=c.machine.name,
-            subject=c.twin,
-            recording=a.recording(),
-            detectable=[x.plain() for x in a.judged.detectable],
-            evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],
-            provenance=provenance(
-                c.twin, c.logs, c.validation, seed=seed, quick=quick, false_alarm=false_alarm
-            ),
-        )
+    return Diagnosis(
+        verdict=word,
+        sentence=". ".join([*a.sentence(effects), *only, *unjudged(c, {str(e.axis) for e in effects})]),
+        differs=list(differ),
+        gap=gap,
+        where=where,
+        effects=effects,
+        possible=[a.told(x) for x in a.judged.possible],
+        confusable=[],
+        unexplained=opened,
+        remains=a.remains(),
+        noise=a.kind,
+        advice=[
+            *of_one_run(c, effects),
+            *of_other_state(c, set(opened), RULES),
+            *advice,
+            *resting(c.machine, {*gap, *c.gate.unknown}),
+        ],
+        warnings=c.gate.warnings,
+        situation="change",
+        shrink={n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()},
+        traces=a.traces(),
+        machine=c.machine.name,
+        subject=c.twin,
+        recording=a.recording(),
+        detectable=[x.plain() for x in a.judged.detectable],
+        evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],
     )

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.days.mechanisms import GROUP, GROWS
+from pinotwin.diagnosis.days.forms import known, parts
+from pinotwin.diagnosis.days.mechanisms import GROWS, READ, group_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
-from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.stretch import Stretch, combined
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
+from pinotwin.effects import Effect
 
 EFFECT = {
     "friction_since": "coulomb",
@@ -69,6 +71,14 @@ class Place:
         machine = self.reference.twin.machine
         return bool(machine.rotary[machine.names.index(self.axis)])
 
+    def spread(self, channel: str) -> float:
+        """Return how far a channel varies in the logs in question [its unit]."""
+        return float(np.mean([np.std(s.axes[self.axis][channel]) for s in self.logs]))
+
+    def shows(self, number: float, channel: str) -> bool:
+        """Whether a friction of the twin is any, beside the effort."""
+        return number * self.spread(channel) > 1e-9 * self.effort
+
     def known(self, effect: str) -> float:
         """Return the first number that the twin has of an effect on the axis [its unit]; 0 of one that it has not."""
         twin = self.reference.twin
@@ -92,6 +102,8 @@ def sizes(row: Row, at: Place) -> list[Size]:
     """Return what changed from what to what, with 90 % intervals."""
     if row.name == "payload":
         return _body(row)
+    if row.form is not None:
+        return _coefficients(row, row.form, at)
     if row.group == "time" or row.name == "snag":
         return [_largest(row, at)]
     name, before, factor, unit = unit_of(row.name, at)
@@ -106,22 +118,35 @@ def sizes(row: Row, at: Place) -> list[Size]:
     return [Size(name, before, before + change, unit, (min(low, high), max(low, high)))]
 
 
+def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
+    """Return the coefficients of an effect before and after, those that cannot be below a bound at that bound."""
+    out = []
+    each = [k for part in parts(form) for k in part.coefficients()]
+    before = known(at.reference, form)
+    for k, old, x, error in zip(each, before, row.numbers * row.scale, row.errors * row.scale, strict=True):
+        new, half = float(np.clip(old + x, k.lower, k.upper)), 1.645 * abs(float(error))
+        out.append(Size(f"{row.name}.{k.name}", float(old), new, k.unit, (new - half, new + half)))
+    return out
+
+
 def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
-    dry, viscous = at.known("coulomb"), at.known("viscous")
+    dry, viscous = (
+        x if at.shows(x, k) else 0.0 for x, k in ((at.known("coulomb"), "sg"), (at.known("viscous"), "v"))
+    )
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
     stiff = at.reference.twists.get(at.axis, np.ones(1))[0]
     per = f"{at.force}·s/{at.length}"
     table = {
-        "coulomb": ("coulomb.c", dry, dry, at.force),
+        "coulomb": ("coulomb.c", dry, dry or at.effort / at.spread("sg"), at.force),
         "friction_since": ("coulomb.c", dry, dry, at.force),
         "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
         "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
-        "viscous": ("viscous.b", viscous, viscous, per),
+        "viscous": ("viscous.b", viscous, viscous or at.effort / at.spread("v"), per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
         "drift": ("offset.drift", 0.0, at.effort, at.force),
-        "inertia": ("payload.inertia", 0.0, at.effort / _spread(at, "a"), _inertia(at)),
+        "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), _inertia(at)),
         "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
         "compliance": ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
@@ -139,15 +164,11 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
-    if GROUP[name] == "play":
+    if group_of(name) == "play":
         return "backlash.gap", 0.0, 1e-4, at.length
     found = table.get(name)
     plain = found is None or (name == "position_gain" and not kp)
     return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
-
-
-def _spread(at: Place, channel: str) -> float:
-    return float(np.mean([np.std(s.axes[at.axis][channel]) for s in at.logs]))
 
 
 def _inertia(at: Place) -> str:
@@ -167,12 +188,9 @@ def _body(row: Row) -> list[Size]:
 
 def _largest(row: Row, at: Place) -> Size:
     """Return the largest force of what acts for a while."""
-    columns = [
-        np.asarray(x["plant"]).reshape(len(s.t), -1) for s, x in zip(at.logs, row.acts[row.axis], strict=True)
-    ]
-    peaks = np.array([max((np.abs(x[:, k]).max() for x in columns), default=0.0) for k in range(row.count)])
-    k = int(np.argmax(np.abs(row.numbers) * peaks))
-    force, half = float(row.numbers[k] * peaks[k]), 1.645 * float(row.errors[k] * peaks[k])
+    course = np.concatenate([combined(x["plant"], row.numbers) for x in row.acts[row.axis]])
+    force = float(course[np.argmax(np.abs(course))])
+    half = 1.645 * abs(force) * float(np.min(row.errors / np.maximum(np.abs(row.numbers), 1e-300)))
     return Size("largest disturbance", 0.0, force, at.force, (force - half, force + half))
 
 
@@ -237,6 +255,8 @@ def _speeds(row: Row, at: Place) -> Floats:
 def follows(row: Row) -> str:
     """Return what a cause follows, in words; empty for what acts always."""
     long = f"{row.since[0]:.2g} s" if row.since else ""
+    if row.what == READ:
+        return "the controller did not ask for it: the effort may be misread"
     words = {
         "friction_at_start": f"it acts for {long} after every start",
         "friction_since": "it begins within the run",

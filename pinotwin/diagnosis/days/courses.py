@@ -50,7 +50,7 @@ def since(
     ]
     if max(begin) <= 1.0:
         return None
-    acts = [{key[1]: x * (s.t > t)} for s, x, t in zip(logs, course, begin, strict=True)]
+    acts = [{key[1]: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)]
     return Course(acts, 0.5 * SETTINGS.place * len(logs), begin)
 
 
@@ -59,7 +59,7 @@ def onset(s: Stretch, course: Floats, left: Floats, *, level: bool) -> float:
     both, own, one = (np.cumsum(x[::-1])[::-1] for x in (left * course, course * course, course))
     if level:
         both, own = both - left.mean() * one, own - one**2 / len(left)
-    gain = both**2 / np.maximum(own, 1e-6 * float(course @ course))
+    gain = both**2 / np.maximum(own, 1e-6 * float(course @ course) + 1e-300)
     return float(s.t[int(np.argmax(gain[: int(0.95 * len(gain))]))])
 
 
@@ -81,8 +81,9 @@ def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Co
     """Return lost motion whose side is a hidden state; each change of side is paid for."""
     sides = [_sides(x[name, "encoders"]) for x in left]
     turns = [int(np.sum(x[1:] != x[:-1])) for x in sides]
-    if min(turns) < 3:
-        return None  # a step, which a play is not: it comes back
+    reversals = [int(np.sum(np.diff(np.sign(s.axes[name]["memory"])) != 0.0)) for s in logs]
+    if any(t < max(n, 3) for t, n in zip(turns, reversals, strict=True)):
+        return None  # a step: lost motion changes sides whenever the axis reverses
     return Course([{"encoders": PLAY * s.low(x)} for s, x in zip(logs, sides, strict=True)], 3.0 * sum(turns))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.mechanisms import GROUPS
+from pinotwin.diagnosis.days.reference import SEVERAL
 from pinotwin.diagnosis.days.row import Row
 
 GROUP_NAMES = tuple(x for x in GROUPS if x != "describe")
@@ -68,11 +69,14 @@ class Case:
         *,
         first: bool,
     ) -> Case:
-        """Return the case of a question's rows; a few pulses within the noise of the effort [1] are no cause."""
+        """Return the case of a question's rows.
+
+        What a validation log contradicts is no cause, nor are a few pulses within the noise of the effort [1].
+        """
 
         def stands(r: Row) -> bool:
             few = r.group in ("time", "place") and r.spread < 8.0
-            return not few or r.worth >= 1.8 * noise.get(r.axis, 0.0)
+            return not r.contradicted and (not few or r.worth >= 1.8 * noise.get(r.axis, 0.0))
 
         causes = [r for r in rows if r.group != "describe" and stands(r)]
         return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)
@@ -158,22 +162,22 @@ class Decision:
     Attributes:
         mean, scale: of the columns of causes. weights: of all columns.
         null: group or channel -> score that 95 % of healthy questions stay below [nats].
-        limits: false-alarm rate -> P(nothing) below which something is said.
-        bars: group -> score at which that is reached at the least of these rates [nats].
+        limits: what is known of days -> false-alarm rate -> P(nothing) below which something is said.
+        bars: the same -> group -> score at which that is reached at the least of these rates [nats].
     """
 
     mean: Floats
     scale: Floats
     weights: Floats
     null: Mapping[str, float]
-    limits: Mapping[float, float]
-    bars: Mapping[str, float]
+    limits: Mapping[str, Mapping[float, float]]
+    bars: Mapping[str, Mapping[str, float]]
 
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Decision:
         """Return the weights that ``train`` wrote."""
         mean, scale, weights = (np.array(data[k], dtype=float) for k in ("mean", "scale", "weights"))
-        limits = {float(k): float(x) for k, x in data["limits"].items()}
+        limits = {k: {float(a): float(x) for a, x in row.items()} for k, row in data["limits"].items()}
         return cls(mean, scale, weights, data["null"], limits, data["bars"])
 
     def probabilities(self, case: Case) -> Floats:
@@ -184,10 +188,15 @@ class Decision:
         share = np.exp(value - value.max())
         return np.asarray(share / share.sum())
 
-    def limit(self, false_alarm: float) -> float:
+    def limit(self, false_alarm: float, days: int) -> float:
         """Return the P(nothing) [1] below which something is said at a false-alarm rate [1], between those measured."""
-        rates = sorted(self.limits)
-        return float(np.interp(false_alarm, rates, [self.limits[x] for x in rates]))
+        at = self.limits[known(days)]
+        return float(np.interp(false_alarm, sorted(at), [at[x] for x in sorted(at)]))
+
+
+def known(days: int) -> str:
+    """Return what a twin of so many logs knows of days: each can be held against the others, or none."""
+    return "several" if days >= SEVERAL else "few"
 
 
 @cache

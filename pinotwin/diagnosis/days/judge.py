@@ -8,13 +8,19 @@ from functools import cache
 
 import numpy as np
 
-from pinotwin.diagnosis.days.decision import Case, Decision
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.causes import effect_of
+from pinotwin.diagnosis.days.decision import Case, Decision, known
 from pinotwin.diagnosis.days.detectable import Limit, detectable
-from pinotwin.diagnosis.days.mechanisms import GROUP
+from pinotwin.diagnosis.days.mechanisms import group_of
 from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
+from pinotwin.diagnosis.days.settings import SETTINGS
+
+AGAIN = "encoder_step"
+"""What may come again after it was found: each step is one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +43,7 @@ class Judged:
         described: the best description of what is left, then.
         rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
         detectable: the least changes that these logs would have shown.
+        possible: a cause that is not sure enough to be named.
     """
 
     named: Sequence[Named]
@@ -46,6 +53,7 @@ class Judged:
     rows: Sequence[Row]
     open: Mapping[tuple[str, str], float]
     detectable: Sequence[Limit]
+    possible: Sequence[Named] = ()
 
 
 def everything(row: Row) -> bool:
@@ -73,7 +81,7 @@ def evidence(
     rows = [
         replace(r, score=r.score - max(share * healthy.get((r.name, r.axis, r.what), 0.0), 0.0))
         for r in rows
-        if (family(r.name), r.axis) not in told and admits(r)
+        if (r.name == AGAIN or (family(r.name), r.axis) not in told) and admits(r)
     ]
     rows.sort(key=lambda r: -r.score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
@@ -101,7 +109,7 @@ def judge(
     """Return what has changed: causes are named while P(nothing) [1] is below a limit."""
     found: list[Named] = []
     first: tuple[float, list[Row], Case, Asked] | None = None
-    unknown, described = False, None
+    unknown, described, possible = False, None, list[Named]()
     while len(found) < most:
         case, rows, asked = evidence(q, [x.row for x in found], admits)
         P = decision.probabilities(case)
@@ -112,20 +120,31 @@ def judge(
         if best == 0:
             unknown, described = True, next(iter(case.described), None)
             break
-        order = [int(k) for k in np.argsort(-P[2:])]
-        rivals = [(case.causes[k], float(P[2 + k])) for k in order if k != best - 1][:4]
-        found.append(Named(case.causes[best - 1], float(P[1 + best] / max(1.0 - P[0], 1e-9)), rivals))
+        one = _named(case, P, best - 1)
+        if one.probability < SETTINGS.likely:
+            unknown, described, possible = True, next(iter(case.described), None), [one]
+            break
+        found.append(one)
         if found[-1].row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
     assert first is not None
     nothing, rows, case, asked = first
-    could = detectable(asked, decision.bars)
-    return Judged(found, nothing, unknown, described, rows, asked.open, could)
+    could = detectable(asked, decision.bars[known(q.reference.days)])
+    return Judged(found, nothing, unknown, described, rows, asked.open, could, possible)
+
+
+def _named(case: Case, P: Floats, best: int) -> Named:
+    """Return the best cause: rows of one effect on one axis are one name."""
+    one = case.causes[best]
+    same = [(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes]
+    order = [int(k) for k in np.argsort(-P[2:]) if not same[k]]
+    rivals = [(case.causes[k], float(P[2 + k])) for k in order[:4]]
+    return Named(one, float(P[2:][same].sum() / max(1.0 - P[0], 1e-9)), rivals)
 
 
 def family(name: str) -> str:
     """Return what one change of a machine goes by: a second name of it on the same axis would be the same change."""
-    group = GROUP[name]
+    group = group_of(name)
     one = {"onset": "friction", "cross": "friction", "time": "local", "place": "local"}.get(group, group)
     apart = {
         "offset": name.startswith("zero"),

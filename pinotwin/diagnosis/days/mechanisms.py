@@ -17,6 +17,18 @@ from pinotwin.effects.load import Payload
 from pinotwin.effects.tree import Tree
 
 Acts = dict[str, Floats]
+READ = "read"
+"""Mark of a cause that is in the reading of the effort alone."""
+FORMS = (
+    "delay",
+    "stribeck",
+    "quadratic_drag",
+    "viscous_thermal",
+    "load_friction",
+    "ripple",
+    "position_table",
+)
+"""Effects of the catalogue that are tried with columns of their own."""
 GROUPS = {
     "friction": ("friction_scale", "coulomb", "viscous"),
     "onset": ("friction_since", "friction_at_start"),
@@ -35,6 +47,7 @@ GROUPS = {
     "play": ("lost_motion", "lost_motion_by_load", "lost_motion_by_inertia", "lost_motion_either_side"),
     "time": ("push", "cut"),
     "place": ("tooth", "snag"),
+    "form": FORMS,
     "scale": ("effort_scale", "effort_late", "torque_constant", "torque_fades"),
     "encoder": ("encoder_scale", "encoder_grows", "encoder_step"),
     "limit": ("limit",),
@@ -50,6 +63,13 @@ GROUPS = {
     "describe": ("describe",),
 }
 GROUP = {name: group for group, names in GROUPS.items() for name in names}
+
+
+def group_of(name: str) -> str:
+    """Return the group of a row; of an effect that a user brings that of the forms."""
+    return GROUP.get(name, "form")
+
+
 GROWS = ("drift", "torque_fades", "encoder_grows")
 """What grows with a log's own time: no other log tells how far it has come there."""
 POSSIBLE = {
@@ -58,7 +78,7 @@ POSSIBLE = {
     "viscous": (-1.0, 9.0),
     "friction_since": (-1.0, 9.0),
     "friction_at_start": (0.0, 99.0),
-    "effort_scale": (-0.95, 9.0),
+    "effort_scale": (-9.0, 9.0),
     "torque_constant": (-0.95, 9.0),
     "torque_fades": (-0.95, 9.0),
     "position_gain": (-0.9, 9.0),
@@ -95,8 +115,8 @@ def mechanisms(
     rubs, ramp = c["dry"] + c["viscous"], s.t / s.t[-1]
     out: dict[str, Acts] = {
         "friction_scale": {"plant": rubs},
-        "coulomb": {"plant": c["dry"]},
-        "viscous": {"plant": c["viscous"]},
+        "coulomb": {"plant": part_of(c, "dry", size)},
+        "viscous": {"plant": part_of(c, "viscous", size)},
         "offset": {"plant": c["one"] * size},
         "drift": {"plant": (since + ramp - 1.0) * size},
         "inertia": {"plant": c["a"] * size / np.std(c["a"])},
@@ -116,9 +136,23 @@ def mechanisms(
             columns = np.column_stack([c["sg"], c["sg"] * x]) * size
             out[f"cross_friction:{other}"] = {"plant": columns}
     rows = c["moving"] > 0.0
-    if rows.any() and abs(np.corrcoef(c["dry"][rows], c["viscous"][rows])[0, 1]) > 0.97:
+    if rows.any() and _alike(c["dry"][rows], c["viscous"][rows]):
         del out["coulomb"], out["viscous"]  # at one speed they are one
     return out
+
+
+def part_of(c: Columns, part: str, size: float) -> Floats:
+    """Return dry or viscous friction as the twin knows it, (n,); of the size of the effort where it knows none."""
+    if np.std(c[part]) > 1e-9 * size:
+        return np.asarray(c[part])
+    course = c["v" if part == "viscous" else "sg"]
+    return np.asarray(course * size / max(float(np.std(course)), 1e-300))
+
+
+def _alike(a: Floats, b: Floats) -> bool:
+    """Whether two columns have one course: their correlation is 0.97 and more."""
+    a, b = a - a.mean(), b - b.mean()
+    return abs(float(a @ b)) > 0.97 * float(np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _effort_scaled(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.signal import lfilter
@@ -15,6 +16,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.days.whitening import settled
+from pinotwin.effects import Effect
 
 Span = tuple[int, float, float]
 """Stretch, begin and end [s]."""
@@ -28,22 +30,26 @@ class Local:
         columns: of every stretch, shape (n, p) each, of the size of the effort.
         price: of the search [nats].
         place: centre and width [m or rad], where it is one. spans: when it acts, where it is bound to time.
+        form, scale: the effect whose columns these are, and what each was multiplied with, shape (p,).
     """
 
     columns: list[Floats]
     price: float
     place: tuple[float, float] | None = None
     spans: list[Span] = field(default_factory=list)
+    form: Effect | None = None
+    scale: Floats = field(default_factory=lambda: np.ones(1))
 
 
 @dataclass(frozen=True, eq=False)
-class _Whitened:
+class Whitened:
     """Stretches with the whitened residual that a healthy day leaves of the plant of one axis."""
 
     logs: Sequence[Stretch]
     name: str
     rho: Floats
     weight: float
+    spread: float
     masks: list[Floats]
     left: list[Floats]
     effort: float
@@ -52,17 +58,32 @@ class _Whitened:
         """Return a column (n,) or columns (n, k) as whitened by the misfit's spectrum."""
         return np.asarray(lfilter(np.r_[1.0, -self.rho], [1.0], x, axis=0))
 
+    def gain(self, k: int, before: Floats, after: Floats) -> float:
+        """Return what a stretch gains [nats] if less is left of it, by the density of its cells."""
+        cell, nu = self.logs[k].cell, SETTINGS.freedom
+        rows = np.bincount(cell, self.masks[k]) / self.spread
+        old, new = (np.log1p(np.bincount(cell, x**2) / nu) for x in (before, after))
+        return float(0.5 * np.sum((nu + rows) * (old - new)))
 
-def local(
-    r: Reference,
-    logs: Sequence[Stretch],
-    left: Sequence[dict[tuple[str, str], Floats]],
-    name: str,
-    found: Shapes,
-) -> dict[str, Local]:
+    @cached_property
+    def back(self) -> list[Floats]:
+        """The adjoint: what a column is multiplied with before whitening and low-pass, (n,) in every stretch."""
+        return [
+            s.low(self.white((x * m / self.weight)[::-1])[::-1])
+            for s, x, m in zip(self.logs, self.left, self.masks, strict=True)
+        ]
+
+    @cached_property
+    def density(self) -> list[Floats]:
+        """About what a squared column weighs then, (n,) in every stretch."""
+        step, order = self.logs[0].step, np.arange(1, len(self.rho) + 1)
+        passed = [abs(np.exp(-2j * np.pi * f * step * order) @ -self.rho + 1.0) ** 2 for f in (2.0, 4.0, 8.0)]
+        return [m / self.weight**2 * float(np.mean(passed)) for m in self.masks]
+
+
+def local(r: Reference, w: Whitened) -> dict[str, Local]:
     """Return the pushes, cuts, teeth and snags of an axis that are worth a look; columns of shape (n, p)."""
-    w = _whitened(r, logs, left, name, found)
-    out = {}
+    logs, name, out = w.logs, w.name, dict[str, Local]()
     pushes = _pulses(w, [(k,) for k in range(len(logs))], 8)
     if pushes:
         out["push"] = _timed(w, pushes)
@@ -75,13 +96,14 @@ def local(
     return {**out, **_at_places(w, low, high)}
 
 
-def _whitened(
+def whitened(
     r: Reference,
     logs: Sequence[Stretch],
     left: Sequence[dict[tuple[str, str], Floats]],
     name: str,
     found: Shapes,
-) -> _Whitened:
+) -> Whitened:
+    """Return what is left of an axis beside a healthy day, whitened."""
     whitening = r.whitenings[name, "plant"]
     masks = [settled(s.axes[name]["moving"]) for s in logs]
     rest = []
@@ -91,53 +113,75 @@ def _whitened(
         known = np.linalg.solve(day.T @ day + np.eye(day.shape[1]), day.T @ np.clip(y, -6.0, 6.0))
         rest.append(y - day @ known)
     effort = r.widths[name]["effort"]
-    return _Whitened(logs, name, whitening.rho, whitening.weight, masks, rest, effort)
+    return Whitened(logs, name, whitening.rho, whitening.weight, whitening.spread, masks, rest, effort)
 
 
 Pulses = list[dict[int, Floats]]
 """Half waves: stretch -> column."""
 
 
-def _pulses(w: _Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulses:
-    """Return half waves in time, the strongest first; each is the same in all stretches of its group."""
-    left, found = [x.copy() for x in w.left], list[dict[int, Floats]]()
+def _pulses(w: Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulses:
+    """Return pushes in time, the strongest first; each is the same in all stretches of its group."""
+    left, found, second = [x.copy() for x in w.left], list[dict[int, Floats]](), 1.0 / w.logs[0].step
     for _ in range(most):
-        best = max(
-            (_strongest(w, left, g, width) for width in (0.1, 0.2, 0.4) for g in groups), key=lambda x: x[0]
-        )
-        gain, group, at, wave = best
-        if gain < SETTINGS.place + 4.0:
-            break
-        columns = {}
-        for k in group:
+        rough = [_strongest(w, left, g, x * second, box=box) for g in groups for x, box in LONG]
+        best = max(rough, key=lambda x: x.gain)
+        for steps in FINER:
+            finer = [_strongest(w, left, best.group, best.long * x, box=best.box) for x in steps]
+            best = max([best, *finer], key=lambda x: x.gain)
+        columns, gain, rest = {}, 0.0, list(left)
+        for k in best.group:
             x = np.zeros(len(w.logs[k].t))
-            x[at : at + len(wave)] = wave[: len(x) - at]
+            x[best.at : best.at + len(best.wave)] = best.wave[: len(x) - best.at]
             columns[k] = x
             b = w.white(x) * w.masks[k] / w.weight
-            left[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
+            rest[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
+            gain += w.gain(k, left[k], rest[k])
+        if gain < SETTINGS.place:
+            break
         found.append(columns)
+        left = rest
     return found
 
 
+LONG = tuple((x, box) for box in (False, True) for x in (0.1, 0.2, 0.4, 0.8))
+"""Lengths [s] of the pushes that are tried first: half waves, and what comes and goes at once."""
+FINER = ((0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35), (0.95, 0.975, 1.025, 1.05))
+"""By what the length of the best is multiplied then."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Push:
+    """A push where it explains most: gain [nats], stretches, first row, course, and how it was made."""
+
+    gain: float
+    group: tuple[int, ...]
+    at: int
+    wave: Floats
+    long: float
+    box: bool
+
+
 def _strongest(
-    w: _Whitened, left: Sequence[Floats], group: tuple[int, ...], width: float
-) -> tuple[float, tuple[int, ...], int, Floats]:
-    """Return gain [nats], place and form of the best half wave of a width [s] in a group of stretches."""
-    n = max(2, int(width / w.logs[0].step))
-    wave = np.sin(np.pi * np.arange(n + 2) / (n + 1))
+    w: Whitened, left: Sequence[Floats], group: tuple[int, ...], long: float, *, box: bool
+) -> _Push:
+    """Return a push of so many rows where it explains most in a group of stretches."""
+    n = max(2, int(long))
+    edge = np.array([0.25, 0.5, 0.25])  # about what the low-pass leaves of a step
+    wave = np.convolve(np.ones(n), edge) if box else np.sin(np.pi * np.arange(n + 2) / (n + 1))
     b = np.convolve(wave, np.r_[1.0, -w.rho])
     short = min(len(left[k]) for k in group)
     if short <= len(b):
-        return 0.0, group, 0, wave
+        return _Push(0.0, group, 0, wave, long, box)
     num = sum(np.correlate(left[k][:short], b, "valid") for k in group)
     den = sum(np.correlate(w.masks[k][:short] / w.weight**2, b**2, "valid") for k in group)
-    # A half wave in rows that do not count is none.
+    # A push in rows that do not count is none.
     gain = num**2 / np.maximum(den, 0.6 * float(b @ b) / w.weight**2) / w.weight**2 / 2.0
     at = int(np.argmax(gain))
-    return float(gain[at]), group, at, wave
+    return _Push(float(gain[at]), group, at, wave, long, box)
 
 
-def _timed(w: _Whitened, pulses: Pulses) -> Local:
+def _timed(w: Whitened, pulses: Pulses) -> Local:
     columns = [
         np.column_stack([p.get(k, np.zeros(len(s.t))) * w.effort for p in pulses])
         for k, s in enumerate(w.logs)
@@ -162,7 +206,7 @@ class _Bump:
     drags: Floats = field(default_factory=lambda: np.zeros(0))
 
 
-def _at_places(w: _Whitened, low: float, high: float) -> dict[str, Local]:
+def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
     """Return a bump at a place, and a drag at a place on some passes."""
     tooth, snag = _scan(w, low, high)
     out = {}
@@ -190,20 +234,12 @@ def _at_places(w: _Whitened, low: float, high: float) -> dict[str, Local]:
     return out
 
 
-def _bump(w: _Whitened, s: Stretch, at: float, width: float) -> Floats:
+def _bump(w: Whitened, s: Stretch, at: float, width: float) -> Floats:
     return s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))
 
 
-def _scan(w: _Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
+def _scan(w: Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
     """Return the best tooth and the best snag on a grid of places and widths."""
-    back = []  # the adjoint: what a column at a place is multiplied with, its low-pass taken over
-    for s, x, m in zip(w.logs, w.left, w.masks, strict=True):
-        y = x * m / w.weight
-        back.append(s.low(w.white(y[::-1])[::-1]))
-    step = w.logs[0].step
-    order = np.arange(len(w.rho) + 1)
-    passed = [np.abs(np.exp(-2j * np.pi * f * step * order[1:]) @ -w.rho + 1.0) ** 2 for f in (2.0, 4.0, 8.0)]
-    density = [m / w.weight**2 * float(np.mean(passed)) for m in w.masks]
     tooth, snag, span = _Bump(), _Bump(), high - low
     for share in (0.006, 0.015, 0.04):
         width = share * span
@@ -211,8 +247,8 @@ def _scan(w: _Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
         if not len(places):
             continue
         E = [np.exp(-(((s.axes[w.name]["q"][:, None] - places) / width) ** 2)) for s in w.logs]
-        P = [x * b[:, None] for x, b in zip(E, back, strict=True)]
-        Z = [x**2 * d[:, None] for x, d in zip(E, density, strict=True)]
+        P = [x * b[:, None] for x, b in zip(E, w.back, strict=True)]
+        Z = [x**2 * d[:, None] for x, d in zip(E, w.density, strict=True)]
         num, den = sum(p.sum(axis=0) for p in P), sum(z.sum(axis=0) for z in Z)
         gain = num**2 / np.maximum(den, 0.05 / w.weight**2) / 2.0
         n = int(np.argmax(gain))
@@ -223,7 +259,7 @@ def _scan(w: _Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
 
 
 def _best_snag(
-    w: _Whitened, places: Floats, width: float, parts: tuple[list[Floats], list[Floats], list[Floats]]
+    w: Whitened, places: Floats, width: float, parts: tuple[list[Floats], list[Floats], list[Floats]]
 ) -> _Bump:
     """Return the place at which dry friction rises on some passes: each is on (0.4) or off (0.6)."""
     sums, edges = [], list[Ints]()
@@ -258,7 +294,7 @@ def _passes(edges: Sequence[Ints], n: int) -> list[tuple[int, int, int]]:
     return out
 
 
-def _finer(w: _Whitened, bump: _Bump, keep: Sequence[Floats]) -> tuple[float, float]:
+def _finer(w: Whitened, bump: _Bump, keep: Sequence[Floats]) -> tuple[float, float]:
     """Return place and width between those of the scan; ``keep`` is what counts of each row, signed for a drag."""
     shifts, factors = np.meshgrid([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75], [0.6, 0.8, 1.0, 1.3, 1.7])
     at, width = bump.at + shifts.ravel() * bump.width, factors.ravel() * bump.width

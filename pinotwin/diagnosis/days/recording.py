@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import nnls
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Spoilt, cells
@@ -15,7 +16,7 @@ from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
-from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.effects.scene import with_model_effort
 
 POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr": -3, "ie": 1}
@@ -112,7 +113,7 @@ def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) 
     for _ in range(most):
         behind = np.flatnonzero(rest[i:] * np.sign(u[i:]) < -high)
         if not len(behind):
-            return (rest, at) if at.mean() < 0.4 else None
+            break
         a = i + int(behind[0])
         b = a
         while b + hold < len(rest) and np.ptp(rest[b : b + hold]) > 0.5 * high:
@@ -121,8 +122,24 @@ def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) 
         rest[b:] -= np.median(rest[b : b + hold])
         i = min(b + 1, len(rest) - 1)
         if b + hold >= len(rest):
-            return (rest, at) if at.mean() < 0.4 else None
-    return None
+            break
+    else:
+        return None
+    return (rest, at) if at.mean() < 0.4 and _at_limit(s.axes[name], rest, at, high) else None
+
+
+def _at_limit(c: Columns, left: Floats, at: Mask, slack: float) -> bool:
+    """Whether a drive is at a limit ``|u| = L - b |v|``: its effort is nearer to it than to the law, never beyond."""
+    u, speed = np.abs(c["u"]), np.abs(c["v"])
+    drives = c["u"] * c["v"] > 0.0
+    held, later = at & drives, drives & ~at & (np.arange(len(at)) > int(np.argmax(at)))
+    if not held.any():
+        return True
+    X = np.column_stack([np.ones(len(u)), -speed])
+    level = X @ nnls(X[held], u[held])[0]
+    off = (u - level)[held]
+    level += float(np.quantile(off, 0.9)) + slack
+    return bool(np.std(off) < np.std(left[held]) and np.sum(u[later] > level[later]) <= 0.01 * later.sum())
 
 
 def _late(asked: Asked, name: str) -> list[Row]:
@@ -145,11 +162,16 @@ def _late(asked: Asked, name: str) -> list[Row]:
 
 def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
     """Return a stretch with the command of an axis earlier by a delay [s]."""
-    c = dict(s.axes[name])
-    for k in ("qr", "vr", "ar", "jr"):
-        c[k] = CubicSpline(s.t, c[k])(np.minimum(s.t + delay, s.t[-1]))
-    change = c["qr"] - s.axes[name]["qr"]
-    c["e"], c["ie"] = c["e"] + change, c["ie"] + np.cumsum(change) * s.step
+    c, later = dict(s.axes[name]), np.clip(s.t + delay, s.t[0], s.t[-1])
+    for k in ("vr", "ar", "jr"):
+        c[k] = CubicSpline(s.t, c[k])(later)
+    command = CubicSpline(s.t, c["qr"])
+    c["qr"] = command(later)
+    path = command.antiderivative()
+    change = c["qr"] - command(s.t)
+    c["e"] = c["e"] + change
+    # ``ie`` is a sum over rows of the log: half a cycle ahead of the integral.
+    c["ie"] = c["ie"] + path(later) + c["qr"] * (s.t + delay - later) - path(s.t) + 0.5 * s.cycle * change
     return replace(s, axes={**s.axes, name: c})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +13,15 @@ from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.effects.scene import with_model_effort
 from pinotwin.identification.misfit import own_residual
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
 EQUATIONS = ("plant", "law", "encoders")
+SEVERAL = 3
+"""Logs of a twin from which on each is held against the others; of fewer, thirds stand for them."""
 Residuals = Mapping[tuple[str, str], Floats]
 
 
@@ -29,7 +32,7 @@ class Reference:
     Attributes:
         twin: the plant. axes: that are judged. closed: whose position loop is closed on the load.
         top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
-        logs: stretches of the twin's own logs.
+        logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
         twists: axis -> compliance and inertia between its two encoders, shape (2,).
         whitenings: axis, equation -> spectrum of the misfit.
@@ -48,6 +51,7 @@ class Reference:
     widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     law_widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tables: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    days: int = SEVERAL
 
     def twist(self, c: Columns) -> Floats:
         """Return what the spring between two encoders carries, shape (n,): the effort less half of dry friction."""
@@ -74,32 +78,31 @@ class Reference:
         return out
 
 
-def knows_days(twin: Twin) -> bool:
-    """Whether a twin was identified from so many logs that one day can be held against the others."""
-    plain = not twin.machine.passive and twin.machine.transmission is None
-    return plain and twin.misfit is not None and len(np.unique(twin.misfit.log)) >= SETTINGS.least_days
-
-
 def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     """Return what healthy days of a twin are like; None of a twin of too few logs, whose days nobody has seen."""
-    if twin.misfit is None or not knows_days(twin):
+    if twin.misfit is None:
         return None
-    own, logs, cuts = own_residual(twin), [], _logs(twin.misfit.motion, twin.misfit.log)
+    motion = with_model_effort(twin.misfit.motion, twin.effects, twin.theta)
+    own, logs, cuts = own_residual(twin), [], _logs(motion, twin.misfit.log)
     index = {k: twin.machine.names.index(k) for k in axes}
-    top = {k: float(np.quantile(np.abs(twin.misfit.motion.v[:, j]), 0.99)) for k, j in index.items()}
+    top = {k: float(np.quantile(np.abs(motion.v[:, j]), 0.99)) for k, j in index.items()}
     for k, (start, stop) in enumerate(cuts):
-        logs += stretches(twin, twin.misfit.motion.cut(start, stop), own[start:stop], k, axes, top)
-    motion = twin.misfit.motion
+        logs += stretches(twin, motion.cut(start, stop), own[start:stop], k, axes, top)
     closed = frozenset(k for k, j in index.items() if motion.on_load and motion.on_load[j])
-    days = sorted({s.log for s in logs})
-    if len(days) < SETTINGS.least_days:
+    known_days = len({s.log for s in logs})
+    if not known_days:
         return None
+    if known_days < SEVERAL:  # the prior stands for the scatter between days
+        logs = [part for s in logs for part in s.thirds()]
+    days = sorted({s.log for s in logs})
     bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
     unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
     for day in days:
         known = _fitted(bare, [s for s in logs if s.log != day])
         unseen += [(s, known.residuals(s)) for s in logs if s.log == day]
-    return _measured(_fitted(bare, logs), unseen, len(days))
+    return replace(
+        _measured(_fitted(bare, logs), unseen, known_days * (known_days >= SEVERAL)), days=known_days
+    )
 
 
 def _logs(motion: Motion, log: Ints) -> list[tuple[int, int]]:
@@ -200,7 +203,9 @@ def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) ->
         for x, y in zip(each, left, strict=True):
             z = x[name] - x[name].mean()
             off.append(float(z @ y) / max(float(z @ z), 1e-300))
-        out[name] = 1.5 * rms(np.array(off)) + 1e-5
+        out[name] = min(
+            1.5 * rms(np.array(off)) + 1e-5, 1.0
+        )  # of a number near none anything would be a multiple
     return out
 
 

@@ -13,6 +13,7 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.mechanisms import Acts
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.effects import Effect
 
 ALL = "*"
 """Axis of what acts on the whole machine."""
@@ -35,6 +36,7 @@ class Row:
         place, spans: of what acts at places or instants.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
+        form: the effect whose columns these are. scale: what its coefficients were divided by, shape (count,).
     """
 
     name: str
@@ -61,15 +63,22 @@ class Row:
     unseen: Mapping[str, list[Acts]] | None = field(default=None, repr=False)
     numbers: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
     errors: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    form: Effect | None = None
+    scale: Floats = field(default_factory=lambda: np.ones(1), repr=False)
 
     @property
     def rescales(self) -> bool:
         """Whether the effort was read in another unit: the log is put right, and asked again."""
         return self.name == "effort_scale" and "law" in self.by
 
+    @property
+    def contradicted(self) -> bool:
+        """Whether a log that the numbers have not seen speaks against them by more than they cost."""
+        return self.valid is not None and self.valid < -self.price
+
     def plain(self) -> dict[str, Any]:
         """Return what `train` reads."""
-        hidden = ("acts", "unseen", "numbers", "errors")
+        hidden = ("acts", "unseen", "numbers", "errors", "form", "scale")
         return {k: v for k, v in vars(self).items() if k not in hidden}
 
 

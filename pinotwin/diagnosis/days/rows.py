@@ -9,13 +9,15 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.evidence import cells
+from pinotwin.diagnosis.days.forms import possible
 from pinotwin.diagnosis.days.healthy import Shapes
-from pinotwin.diagnosis.days.mechanisms import GROUP, GROWS, POSSIBLE, Acts
+from pinotwin.diagnosis.days.mechanisms import GROWS, POSSIBLE, READ, Acts, group_of
 from pinotwin.diagnosis.days.row import Question, Row
-from pinotwin.diagnosis.days.score import Cells, Scored, opened, score
+from pinotwin.diagnosis.days.score import Scored, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import combined
 from pinotwin.diagnosis.days.tried import Tried
+from pinotwin.signals import rms
 
 
 class Asked:
@@ -48,7 +50,7 @@ class Asked:
     def _row(self, cause: str, axis: str, axes: Sequence[str]) -> Row | None:
         """Return the row of a cause; None of one that no machine can have, or that is not worth a word."""
         short, _, what = cause.partition(":")
-        group, before = GROUP[short], sum(x.count for x in self.found)
+        group, before = group_of(short), sum(x.count for x in self.found)
         keys = self._touched(cause, axes)
         p = max((len(self.cells[a][e].columns(cause, 0)) for a, e in keys if a in axes), default=0)
         if not p:
@@ -61,6 +63,9 @@ class Asked:
         gains = [a - b for a, b in zip(*pairs, strict=True)]
         theta, error = with_it.theta[before:], with_it.error[before:]
         worth = self._worth(cause, axes, theta, searched=searched)
+        place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
+        if place is not None and place.form is not None and not possible(self.r, place, theta, error):
+            return None
         if not _can_be(short, theta, error) or _small(short, group, worth, float(theta[-1])):
             return None
         by = {"day": with_it.cost - alone.cost}
@@ -69,7 +74,7 @@ class Asked:
         numbers = 0 if searched else 1 if short == "describe" else p
         price = self.tried.price(axis, short) + SETTINGS.number * numbers
         price += np.log(max(len(self.r.axes) - 1, 1)) if short == "cross_friction" else 0.0
-        place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
+        price += SETTINGS.number if what == READ else 0.0
         every = np.concatenate(gains)
         return Row(
             name=short,
@@ -81,14 +86,16 @@ class Asked:
             count=p,
             theta=float(theta[-1]),
             error=float(error[-1]),
-            z=float(np.sqrt(np.sum((theta / np.maximum(error, 1e-300)) ** 2))),
+            z=float(np.linalg.norm(np.clip(theta / np.maximum(error, 1e-300), -1e9, 1e9))),
             worth=worth,
-            logs=_by_log([self.cells[a][e] for a, e in keys], gains, len(self.q.logs)),
+            logs=self._by_log(keys, gains, with_it.costs - alone.costs),
             positive=float(np.maximum(every, 0.0).sum() / max(float(np.abs(every).sum()), 1e-9)),
             spread=_spread(every),
             closed=self._closed(keys, gains),
             valid=self._validated(cause, keys, theta),
             what=what,
+            form=None if place is None else place.form,
+            scale=np.ones(p) if place is None else place.scale,
             place=None if place is None else place.place,
             spans=() if place is None else place.spans,
             since=() if course is None else course.since,
@@ -97,6 +104,14 @@ class Asked:
             numbers=theta,
             errors=error,
         )
+
+    def _by_log(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats], costs: Floats) -> list[float]:
+        """Return the gain of every log [nats], the cost of its healthy day with it."""
+        out = np.zeros(max(len(self.q.logs), len(costs)))
+        out[: len(costs)] += costs
+        for (a, e), g in zip(keys, gains, strict=True):
+            np.add.at(out, self.cells[a][e].log, g)
+        return [float(x) for x in out]
 
     def error(self, cause: str, axis: str) -> float | None:
         """Return the standard error of a cause's number beside a healthy day [its unit]; None where it does not act."""
@@ -132,7 +147,7 @@ class Asked:
             return score([(self.cells[a][e], self._index(a, e, "", 0)) for a, e in keys], count)
         each = [self.base[key] for key in keys]
         held, full = [x.held[0] for x in each], [x.full[0] for x in each]
-        return replace(each[0], held=held, full=full, cost=sum(x.cost for x in each))
+        return replace(each[0], held=held, full=full, costs=_sum([x.costs for x in each]))
 
     def _worth(self, cause: str, axes: Sequence[str], theta: Floats, *, searched: bool) -> float:
         """Return the size of a cause in the effort, over the effort's own; 1 of what acts between encoders."""
@@ -148,7 +163,8 @@ class Asked:
         axis = axes[-1] if len(axes) > 1 else axes[0]
         size = float(np.std(np.concatenate([s.axes[axis]["u"] for s in self.q.logs])))
         y = np.concatenate(parts)
-        return float(np.abs(y).max() if searched else np.sqrt(np.mean(y**2))) / max(size, 1e-300)
+        most = max(float(np.abs(y).max()), 1e-300)
+        return most * (1.0 if searched else rms(y / most)) / max(size, 1e-300)
 
     def _closed(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats]) -> dict[str, float]:
         """Return equation -> share of what is open that goes."""
@@ -209,11 +225,12 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
     return out
 
 
-def _by_log(each: Sequence[Cells], gains: Sequence[Floats], count: int) -> list[float]:
-    out = np.zeros(count)
-    for c, g in zip(each, gains, strict=True):
-        np.add.at(out, c.log, g)
-    return [float(x) for x in out]
+def _sum(parts: Sequence[Floats]) -> Floats:
+    """Return the sum of gains by log, each as long as the logs that it knows."""
+    out = np.zeros(max(len(x) for x in parts))
+    for x in parts:
+        out[: len(x)] += x
+    return out
 
 
 def _spread(gains: Floats) -> float:

@@ -48,14 +48,19 @@ class Scored:
         held: log density of every cell by numbers that do not know it, one array an equation [nats].
         full: the same by numbers that know all.
         theta: numbers, shape (p,). error: their standard errors.
-        cost: log prior of the healthy day [nats].
+        costs: log prior of the healthy day of every log [nats], shape (logs,).
     """
 
     held: list[Floats]
     full: list[Floats]
     theta: Floats
     error: Floats
-    cost: float
+    costs: Floats
+
+    @property
+    def cost(self) -> float:
+        """Log prior of the healthy days of all logs [nats]."""
+        return float(self.costs.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +68,7 @@ class _View:
     """The cells of one log and equation, with the columns that are asked."""
 
     equation: int
+    log: int
     gram: Floats
     rows: Floats
     fold: Ints
@@ -96,13 +102,15 @@ def score(
     steps, theta, information = _solved(views, parts, penalty, fixed)
     held: list[list[Floats]] = [[] for _ in use]
     full: list[list[Floats]] = [[] for _ in use]
-    cost = 0.0
+    costs = np.zeros(1 + max(v.log for v in views))
     for v, x in zip(views, steps, strict=True):
         held[v.equation].append(_density(v, x[1 + v.fold]))
         full[v.equation].append(_density(v, np.broadcast_to(x[0], (len(v.rows), x.shape[1]))))
-        cost -= 0.5 * float(x[0, : v.day] @ x[0, : v.day])
+        costs[v.log] -= 0.5 * float(x[0, : v.day] @ x[0, : v.day])
     error = np.sqrt(np.abs(np.diag(np.linalg.pinv(information[0])))) if count else np.zeros(0)
-    return Scored([np.concatenate(x) for x in held], [np.concatenate(x) for x in full], theta[0], error, cost)
+    return Scored(
+        [np.concatenate(x) for x in held], [np.concatenate(x) for x in full], theta[0], error, costs
+    )
 
 
 def _views(use: Sequence[tuple[Cells, Ints]]) -> list[_View]:
@@ -112,7 +120,7 @@ def _views(use: Sequence[tuple[Cells, Ints]]) -> list[_View]:
         gram = c.gram[:, columns[:, None], columns]
         for log in np.unique(c.log):
             rows = np.flatnonzero(c.log == log)
-            views.append(_View(k, gram[rows], c.rows[rows], c.fold[rows], c.constant[rows], c.day))
+            views.append(_View(k, int(log), gram[rows], c.rows[rows], c.fold[rows], c.constant[rows], c.day))
     return views
 
 
@@ -136,7 +144,9 @@ def _solved(
     information, right, parts = np.tile(penalty, (many, 1, 1)), np.zeros((many, p)), []
     for v, w in zip(views, weights, strict=True):
         N, m = np.tensordot(w, v.gram, 1), v.day
-        A = np.linalg.solve(N[:, :m, :m] + np.eye(m), N[:, :m, m:])
+        own = N[:, :m, :m] + np.eye(m)
+        d = 1.0 / np.sqrt(np.einsum("fii->fi", own))[:, :, None]  # units of a day's columns lie far apart
+        A = d * np.linalg.solve(own * d * d.transpose(0, 2, 1), N[:, :m, m:] * d)
         parts.append(A)
         if p:
             information = information + N[:, m:-1, m:-1] - N[:, m:-1, :m] @ A[:, :, :p]

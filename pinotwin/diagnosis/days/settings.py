@@ -14,9 +14,9 @@ class Settings:
         folds: parts of a log that are left out in turn. order: of the autoregression of the misfit.
         freedom: of Student's t, by which one bad cell decides nothing.
         number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
-        least_days: logs of a twin from which on its days are measured.
         widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
             half cycles.
+        likely: probability of a cause that has acted from which it is named.
         prior_days: how many days that prior counts for.
     """
 
@@ -27,7 +27,7 @@ class Settings:
     freedom: float = 4.0
     number: float = 2.0
     place: float = 8.0
-    least_days: int = 3
+    likely: float = 0.5
     prior_days: int = 3
     widths: dict[str, float] = field(
         default_factory=lambda: {

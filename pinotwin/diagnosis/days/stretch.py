@@ -45,6 +45,18 @@ class Stretch:
     rows: Ints
     left: Floats
 
+    def thirds(self) -> list[Stretch]:
+        """Return three parts of the stretch as logs of their own."""
+        n, out = len(self.t), []
+        for k in range(3):
+            part = slice(k * n // 3, (k + 1) * n // 3)
+            axes = {
+                a: {c: x[part] if len(x) == n else x for c, x in row.items()} for a, row in self.axes.items()
+            }
+            t, cell, rows = self.t[part], self.cell[part], self.rows[part]
+            out.append(replace(self, log=3 * self.log + k, t=t, cell=cell, rows=rows, axes=axes))
+        return out
+
     def scaled(self, factors: Mapping[str, float]) -> Stretch:
         """Return the stretch with the efforts of some axes multiplied by factors [1]."""
         axes = dict(self.axes)
@@ -142,7 +154,7 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
         "u": spline["u"](t),
         "du": spline["u"](t, 1),
         "one": np.ones(len(t)),
-        "moving": (~near).astype(float),
+        "moving": (~near & m.use[:, j]).astype(float),
     }
     gap = None if m.ql is None else m.ql[:, j] - q
     if gap is not None and np.isfinite(gap).all():

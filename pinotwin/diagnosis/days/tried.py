@@ -9,22 +9,27 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.courses import Course, courses, since
 from pinotwin.diagnosis.days.evidence import Left
+from pinotwin.diagnosis.days.forms import again, forms
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import (
+    READ,
     Acts,
     after_starts,
     bodies,
     descriptions,
+    group_of,
     mechanisms,
     one_program,
     zeros,
 )
-from pinotwin.diagnosis.days.places import Local, local
+from pinotwin.diagnosis.days.places import Local, local, whitened
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
+MISREAD = ("friction", "onset", "offset", "time", "place", "form")
+"""Groups of causes that a reading of the effort may show and the machine not have."""
 
 
 class Tried:
@@ -62,9 +67,12 @@ class Tried:
             for cause, found in courses(r, q.logs, left, name).items():
                 self.courses[name, cause] = found
                 _put(each, cause, found.acts)
-            for cause, place in local(r, q.logs, left, name, self.shapes).items():
+            w = whitened(r, q.logs, left, name, self.shapes)
+            for cause, place in {**local(r, w), **forms(r, w, name)}.items():
                 self.local[name, cause] = place
                 _put(each, cause, [{"plant": x} for x in place.columns])
+            if (name, "law") in q.left[0]:
+                each = [x | _misread(x) for x in each]
             for k, s in enumerate(q.logs if not self.found else ()):
                 told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
                 each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
@@ -103,7 +111,8 @@ class Tried:
                 acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
                 acts |= {"payload": {"plant": body[k][name]}} if body[k] else {}
                 acts |= {f"zero:{j}": {"plant": x[name]} for j, x in turns[k].items()}
-                each.append(acts | self._known(s, name))
+                acts |= self._known(s, name)
+                each.append(acts | _misread(acts) if (name, "law") in left else acts)
             out[name] = _shared(each)
         return out
 
@@ -117,7 +126,18 @@ class Tried:
         if tooth is not None and tooth.place is not None:
             x = np.exp(-(((s.axes[name]["q"] - tooth.place[0]) / tooth.place[1]) ** 2))
             out["tooth"] = {"plant": s.low(x) * size}
-        return out
+        told = {k: x for (axis, k), x in self.local.items() if axis == name and x.form is not None}
+        return out | {k: {"plant": again(x, s)} for k, x in told.items()}
+
+
+def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
+    """Return causes whose effort is in the reading alone: the law of the controller, which did not ask, has it too."""
+    plain = {
+        k: x["plant"]
+        for k, x in acts.items()
+        if set(x) == {"plant"} and ":" not in k and group_of(k) in MISREAD
+    }
+    return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items()}
 
 
 def _put(each: Columns, cause: str, acts: Sequence[Acts]) -> None:

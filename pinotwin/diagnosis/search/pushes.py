@@ -156,23 +156,6 @@ def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
     return max((r.gain for r in again if r is not None), default=0.0)
 
 
-def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes]) -> dict[int, Floats]:
-    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,)."""
-    motion = c.new.motion
-    out: dict[int, Floats] = {}
-    for one in causes:
-        found = one.effect.columns(motion)
-        for at, j in enumerate(found.joints):
-            out[j] = out.get(j, 0.0) + found.values[:, at, :] @ one.judged.theta
-    for p in pushed:
-        rows = c.new.samples(p.joint)
-        course = out.setdefault(p.joint, np.zeros(len(motion)))
-        for k in range(motion.decimation):
-            inside = rows + k < len(course)
-            course[rows[inside] + k] += p.course[inside]
-    return out
-
-
 def _same(a: Episodes, b: Episodes) -> bool:
     """Whether two findings lie at the same time for the most part, or are one course of force."""
     if float(np.sum(a.rows & b.rows)) > 0.5 * max(float(a.rows.sum()), float(b.rows.sum())):

@@ -6,31 +6,21 @@ same difference on the twin's own logs. Without a closed loop, or of a cause tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pinotwin.analysis.disturbance import causes as disturbance_causes
 from pinotwin.arrays import Floats
 from pinotwin.columns import bind
-from pinotwin.diagnosis.candidates.catalogue import Joined, named
-from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.diagnosis.result import Gap, Shrink
-from pinotwin.diagnosis.search.scan import Scored
-from pinotwin.diagnosis.signals.servo import ServoChange
-from pinotwin.effects import Effect
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
-from pinotwin.simulation import preferred
 from pinotwin.twin import Twin
 
-TURNED = {"feedforward": ("ar",), "loop_gain": ("e", "integral", "v", "vr", "slip")}
-"""Change of a servo -> the gains of its law that have one factor."""
 LONGEST = 120_000  # Samples of the logs in question beyond which the tracking error is not simulated
 
 
@@ -40,17 +30,6 @@ class Tracked:
 
     gaps: Mapping[str, Gap] = field(default_factory=dict)  # axis -> gap
     shrinks: Mapping[str, Shrink] = field(default_factory=dict)  # axis -> how far the causes shrink it
-
-
-def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()) -> Tracked:
-    """Return the gap of the tracking error of every axis, and how far the causes shrink it."""
-
-    def later() -> tuple[Twin | None, set[str]]:
-        with_them, held = with_causes(c.twin, causes)
-        turned, axes = with_gains(c.twin if with_them is None else with_them, changed)
-        return (turned, held | axes) if axes else (with_them, held)
-
-    return tracked(c, later)
 
 
 def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) -> Tracked:
@@ -127,73 +106,3 @@ def own_run(c: Comparison) -> tuple[Log, Motion] | None:
     channels |= {f"{name}.q": part.q[:, a.index] for name, a in c.machine.axes.items()}
     log = bind(Log(channels, source="the twin's logs"), {})
     return log, replace(part, t=channels["t"])
-
-
-def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:
-    """Return the twin with the named causes that it can carry, if any, and the axes all of whose causes it holds."""
-    theta, effects = twin.theta.copy(), list(twin.effects)
-    diagonal = {name: x.copy() for name, x in twin.diagonal.items()}
-    held, beyond = set(), set()
-    bodies: list[tuple[str, Floats]] = []
-    for one in causes:
-        effect = named(one.effect)
-        if effect.name == "payload":
-            bodies.append((str(effect.axis), physical(one.judged.theta)))
-            held.add(str(effect.axis))
-            continue
-        parts = one.effect.parts if isinstance(one.effect, Joined) else (one.effect,)
-        places = [_place(twin, p.name, p.axis, len(p.coefficients())) for p in parts]
-        foreign = isinstance(one.effect, Pattern) or effect.family.acts != "effort"
-        foreign |= (
-            effect.mode() is not None and preferred(twin) != "coupled"
-        )  # no pole of the loops that were found
-        if foreign or any(w is None and p.unlisted for w, p in zip(places, parts, strict=True)):
-            beyond.add(str(effect.axis))
-            continue
-        held.add(str(effect.axis))
-        at = 0
-        for part, place in zip(parts, places, strict=True):
-            change = one.judged.theta[at : at + len(part.coefficients())]
-            at += len(change)
-            if place is None:
-                effects.append(part)
-                theta = np.concatenate([theta, change])
-            else:
-                theta[place] += change
-            _shift(diagonal, twin, part, change)
-    if not held:
-        return None, set()
-    p = len(theta)
-    covariance = np.zeros((p, p))
-    covariance[: len(twin.theta), : len(twin.theta)] = twin.covariance
-    later = replace(twin, effects=tuple(effects), theta=theta, covariance=covariance, diagonal=diagonal)
-    for axis, pi in bodies:
-        later = loaded_twin(later, axis, pi)
-    return later, held - beyond
-
-
-def with_gains(twin: Twin, changed: Sequence[ServoChange]) -> tuple[Twin, set[str]]:
-    """Return the twin with the gains found, and axes that hold them; transfer functions and limits are left."""
-    servos, held = dict(twin.servos), set[str]()
-    if preferred(twin) != "coupled":
-        return twin, held
-    for one in changed:
-        factors = dict.fromkeys(TURNED.get(one.effect, ()), one.after)
-        if one.axis in servos and factors:
-            servos[one.axis] = servos[one.axis].scaled(**factors)
-            held.add(one.axis)
-    return replace(twin, servos=servos), held
-
-
-def _shift(diagonal: dict[str, Floats], twin: Twin, effect: Effect, change: Floats) -> None:
-    """Add a change of viscous friction or stiffness to the constant terms that the loops are closed around."""
-    for cause, x in zip(disturbance_causes(effect), change, strict=True):
-        if cause in diagonal and cause != "inertia" and effect.axis is not None:
-            diagonal[cause][twin.machine.names.index(effect.axis)] += x
-
-
-def _place(twin: Twin, name: str, axis: str | None, count: int) -> slice | None:
-    for effect, where in zip(twin.effects, twin.slices, strict=True):
-        if (effect.name, effect.axis) == (name, axis) and len(effect.coefficients()) == count:
-            return where
-    return None

@@ -1,0 +1,116 @@
+"""Forms of effort that a twin has no effect for: the effects of the catalogue bring their own columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import BESIDE, Joined
+from pinotwin.diagnosis.days.mechanisms import FORMS
+from pinotwin.diagnosis.days.places import Local, Whitened
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects.known import known as known_effects
+from pinotwin.effects.tree import Tree
+from pinotwin.motion import Motion
+
+
+def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
+    """Return efforts of an axis that its twin may lack, each at the shapes that explain most of what is left.
+
+    The search costs the logarithm of the number of shapes that were tried.
+    """
+    twin = r.twin
+    tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
+    thin = [s.motion.at(s.rows, np.zeros(len(s.rows), dtype=np.intp)) for s in w.logs]
+    longest = max((s.motion for s in w.logs), key=len)
+    out = {}
+    every = known_effects(twin.machine.effects)
+    for kind in (every[x] for x in every if x in FORMS or x not in EFFECTS):
+        beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
+        tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
+        gains = [_gain(w, e, thin) for e in tried]
+        if max(gains, default=-np.inf) > -np.inf:
+            best = _polished(w, tried, int(np.argmax(gains)), thin)
+            out[kind.name] = _local(w, best, float(np.log(len(tried))))
+    return out
+
+
+def _polished(w: Whitened, tried: Sequence[Effect], best: int, thin: Sequence[Motion]) -> Effect:
+    """Return the best form, its one shape searched between those beside it."""
+    one = tried[best]
+    if len(one.shapes()) != 1 or len(tried) < 2:
+        return one
+    every = np.sort([e.shape_values()[0] for e in tried])
+    at = int(np.searchsorted(every, one.shape_values()[0]))
+    span = every[[max(at - 1, 0), min(at + 1, len(every) - 1)]]
+    found = minimize_scalar(
+        lambda x: -_gain(w, one.shaped([x]), thin), bounds=span, method="bounded", options={"maxiter": 15}
+    )
+    return one.shaped([float(found.x)])
+
+
+def _gain(w: Whitened, effect: Effect, thin: Sequence[Motion]) -> float:
+    """Return what a form may explain less what its numbers cost [nats], by its columns before the low-pass."""
+    each = [_values(effect, m) for m in thin]
+    both = np.sum([y @ x for x, y in zip(each, w.back, strict=True)], axis=0)
+    own = np.sum([x.T @ (x * d[:, None]) for x, d in zip(each, w.density, strict=True)], axis=0)
+    seen = np.diag(own) > 0.0
+    if not seen.any():
+        return -np.inf
+    both, own = both[seen], own[np.ix_(seen, seen)]
+    own += 1e-6 * np.diag(np.diag(own))
+    return float(0.5 * both @ np.linalg.solve(own, both)) - SETTINGS.number * len(both)
+
+
+def _values(effect: Effect, m: Motion) -> Floats:
+    """Return the columns of a form on its own axis, shape (n, p)."""
+    found = effect.columns(m)
+    return np.asarray(found.values[:, found.joints.index(m.names.index(str(effect.axis)))])
+
+
+def _local(w: Whitened, effect: Effect, price: float) -> Local:
+    """Return the columns of a form in every stretch, of the size of the effort."""
+    columns = [s.taken(_values(effect, s.motion)) for s in w.logs]
+    size = np.maximum(np.std(np.concatenate(columns), axis=0), 1e-300)
+    scale = w.effort / size
+    return Local([x * scale for x in columns], price, form=effect, scale=scale)
+
+
+def again(found: Local, s: Stretch) -> Floats:
+    """Return the columns of a form in another stretch, shape (n, p)."""
+    assert found.form is not None
+    return s.taken(_values(found.form, s.motion)) * found.scale
+
+
+def parts(form: Effect) -> tuple[Effect, ...]:
+    """Return the effects whose columns stand side by side in a form."""
+    return form.parts if isinstance(form, Joined) else (form,)
+
+
+def known(r: Reference, form: Effect) -> Floats:
+    """Return what the twin holds of the coefficients of a form, shape (p,); 0 of an effect that it has not."""
+    out = []
+    for part in parts(form):
+        count = len(part.coefficients())
+        same = [
+            r.twin.theta[where]
+            for e, where in zip(r.twin.effects, r.twin.slices, strict=True)
+            if (e.name, e.axis, e.shapes()) == (part.name, part.axis, part.shapes())
+        ]
+        out.append(same[0] if same and len(same[0]) == count else np.zeros(count))
+    return np.concatenate(out)
+
+
+def possible(r: Reference, found: Local, numbers: Floats, errors: Floats) -> bool:
+    """Whether a machine can have the coefficients of a form after the change, within two standard errors."""
+    assert found.form is not None
+    limits = [(c.lower, c.upper) for part in parts(found.form) for c in part.coefficients()]
+    low, high = np.transpose(limits)
+    after, slack = known(r, found.form) + numbers * found.scale, 2.0 * errors * found.scale
+    return bool(np.all((low - slack <= after) & (after <= high + slack)))
