@@ -57,7 +57,7 @@ CHECKS = (
     Check(Question("own", "emps", "change", 3)),
     Check(Question("own", "trunnion", "structure", 4)),
     Check(Question("own", "random:30", "change", 5)),
-    Check(Question("own", "emps", "change", 6), "viscous", "X", 0.2),  # beyond what friction does from day to day
+    Check(Question("own", "emps", "change", 6), "viscous", "X", 0.2),  # beyond a day's scatter
     Check(Question("own", "emps", "structure", 8), "ripple", "X", 0.02),
     Check(Question("own", "emps", "structure", 9), "position_table", "X", 0.03),
     Check(Question("foreign", "random:205", "structure", 205)),
