@@ -19,8 +19,7 @@ from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.settings import SETTINGS
 
-AGAIN = "encoder_step"
-"""What may come again after it was found: each step is one."""
+AGAIN = "encoder_step"  # may come again after it was found, if nothing else was: each step is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +76,12 @@ def evidence(
     if not found:
         rows += [*recording_rows(asked), *limit_rows(asked)]
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
+    steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
     share = len(q.logs) * float(np.mean([s.t[-1] for s in q.logs]))
     rows = [
         replace(r, score=r.score - max(share * healthy.get((r.name, r.axis, r.what), 0.0), 0.0))
         for r in rows
-        if (r.name == AGAIN or (family(r.name), r.axis) not in told) and admits(r)
+        if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
     rows.sort(key=lambda r: -r.score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
