@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.mechanisms import GROWS, READ, group_of
+from pinotwin.diagnosis.days.mechanisms import GROWS, READ, group_of, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
@@ -75,9 +75,16 @@ class Place:
         """Return how far a channel varies in the logs in question [its unit]."""
         return float(np.mean([np.std(s.axes[self.axis][channel]) for s in self.logs]))
 
-    def shows(self, number: float, channel: str) -> bool:
-        """Whether a friction of the twin is any, beside the effort."""
-        return number * self.spread(channel) > 1e-9 * self.effort
+    def friction(self, part: str) -> tuple[float, float]:
+        """Return the twin's number of dry or viscous friction [its unit], and what one unit of a row's number is of it.
+
+        Known by another law than Coulomb's, it is the size of that friction over the direction, or over the speed.
+        """
+        name, course = ("coulomb", "sg") if part == "dry" else ("viscous", "v")
+        columns = [s.axes[self.axis] for s in self.logs]
+        size = float(np.mean([np.std(part_of(c, part, self.effort)) for c in columns])) / self.spread(course)
+        number = (self.known(name) or size) if knows(columns[0], part, self.effort) else 0.0
+        return number, number or size
 
     def known(self, effect: str) -> float:
         """Return the first number that the twin has of an effect on the axis [its unit]; 0 of one that it has not."""
@@ -131,19 +138,17 @@ def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
 
 def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
-    dry, viscous = (
-        x if at.shows(x, k) else 0.0 for x, k in ((at.known("coulomb"), "sg"), (at.known("viscous"), "v"))
-    )
+    dry, viscous = at.friction("dry"), at.friction("viscous")
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
     stiff = at.reference.twists.get(at.axis, np.ones(1))[0]
     per = f"{at.force}·s/{at.length}"
     table = {
-        "coulomb": ("coulomb.c", dry, dry or at.effort / at.spread("sg"), at.force),
-        "friction_since": ("coulomb.c", dry, dry, at.force),
+        "coulomb": ("coulomb.c", *dry, at.force),
+        "friction_since": ("coulomb.c", *dry, at.force),
         "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
         "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
-        "viscous": ("viscous.b", viscous, viscous or at.effort / at.spread("v"), per),
+        "viscous": ("viscous.b", *viscous, per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
         "drift": ("offset.drift", 0.0, at.effort, at.force),
         "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), _inertia(at)),

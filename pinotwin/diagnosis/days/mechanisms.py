@@ -141,9 +141,14 @@ def mechanisms(
     return out
 
 
+def knows(c: Columns, part: str, size: float) -> bool:
+    """Whether the twin knows any dry or viscous friction, beside an effort of this size [N or N·m]."""
+    return bool(np.std(c[part]) > 1e-9 * size)
+
+
 def part_of(c: Columns, part: str, size: float) -> Floats:
     """Return dry or viscous friction as the twin knows it, (n,); of the size of the effort where it knows none."""
-    if np.std(c[part]) > 1e-9 * size:
+    if knows(c, part, size):
         return np.asarray(c[part])
     course = c["v" if part == "viscous" else "sg"]
     return np.asarray(course * size / max(float(np.std(course)), 1e-300))
