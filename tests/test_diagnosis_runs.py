@@ -59,6 +59,20 @@ def test_the_order_of_the_files_does_not_matter(twin, urdf_dir):
     assert again.differs == ["faulty_12.csv"]
 
 
+def test_runs_are_told_apart_where_no_law_of_a_controller_is_known(machine, urdf_dir):
+    """The commands are logged, and the effort does not hang on them by any law."""
+
+    def odd(log, more=0.0):
+        v = np.gradient(log["X.q"], log.t)
+        u = 40.0 * np.sign(v) * np.abs(np.sin(200.0 * log["X.q"])) + 5.0 * np.cos(37.0 * log.t) ** 3
+        channels = {**log.channels, "X.u": u + more * v}
+        return Log(channels, source=f"{'faulty' if more else 'healthy'}.csv")
+
+    own = identify(machine, odd(run(urdf_dir, 1, path=7)), loop=False)
+    found = diagnose(own, [odd(run(urdf_dir, 11)), odd(run(urdf_dir, 12), 2000.0)], quick=True)
+    assert found.differs == ["faulty.csv"]
+
+
 def test_healthy_repeats_and_faulty_repeats_are_pooled(twin, urdf_dir):
     assert compare(twin, [run(urdf_dir, 11), run(urdf_dir, 12)], []).apart is None
     broken = [run(urdf_dir, k, "viscous:X=0.3") for k in (11, 12)]

@@ -148,7 +148,7 @@ def test_a_drive_at_its_limit_is_found_in_one_run_and_in_repeats(machine, urdf_d
     assert [x.axis for x in found] == ["X"]
     assert found[0].confidence > 0.9
     top = np.quantile(np.abs(weak[0]["X.u"]), 0.98)
-    assert found[0].level == pytest.approx(top, rel=0.02)
+    assert found[0].size[0].after == pytest.approx(top, rel=0.02)
     assert limits(compare(machine, [record(urdf_dir, 8, 20 + k) for k in range(runs)], [])) == []
 
 

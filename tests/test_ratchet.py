@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 57_391,
+    lines: 57_388,
     module_numbers: 124,
     numbers_without_unit: 309,
     stories: 6,

@@ -15,7 +15,7 @@ from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
 from pinotwin.diagnosis.conclusion.explained import Account, at_one_gap, stated_of
-from pinotwin.diagnosis.conclusion.findings import effects_named, limits_named, pushes_named
+from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named
 from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, traces
@@ -79,7 +79,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         leave_out: effects of the catalogue that are not to be considered.
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
-        false_alarm: share of healthy logs of which something may be said [1], of a twin of several days.
+        false_alarm: share of healthy logs of which something may be said [1], where logs hold commands.
         rules: thresholds.
 
     Raises:
@@ -89,14 +89,16 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell, seed, subject = report or _silent, _seed(seed, random_state), as_subject(subject)
     tell("preparing the logs", 0.02)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
-    c = compare(subject, logs, unseen)
+    c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin))
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
-    limited = limits_named(limits(c, leave_out, rules, rests=True)) if closed_loop else []
+    limited = limits(c, leave_out, rules, rests=True) if closed_loop else []
     found = diagnosed(c, more, limited, {**options, "false_alarm": false_alarm})
     if found is None:
+        if c.change and len(logs) > 1 and c.new.motion.qr is not None:
+            c = compare(subject, logs, unseen)  # no law of a controller tells the runs apart
         found = _by_search(c, subject, leave_out, rules, tell, options)
     else:
         found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
@@ -124,7 +126,7 @@ def _by_search(
     noise, kind = noise_levels(s.rest, rules)
     gaps = gap_table(s.rest, account.together, noise)
     named = _plant_named(s, account, gaps, measured, leave_out)
-    limited = limits_named(limits(s.rest, leave_out, rules)) if options["closed_loop"] else []
+    limited = limits(s.rest, leave_out, rules) if options["closed_loop"] else []
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}

@@ -16,7 +16,6 @@ from pinotwin.diagnosis.evidence.springs import inertias
 from pinotwin.diagnosis.result import Found, Size
 from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
-from pinotwin.diagnosis.signals.servo import Limited
 
 LIKELY = 0.5  # Share of the winner's gain from which a rival is worth a line
 
@@ -129,18 +128,6 @@ def _rivals(account: Account, turn: Turn, won: Closed) -> list[Mapping[str, Any]
         for effect, share in near[:5]
         if share > 0.0
     ]
-
-
-def limits_named(found: Sequence[Limited]) -> list[Found]:
-    """Return drives at their limit as named effects."""
-    out = []
-    for x in found:
-        size = Size("limit", np.inf, x.level, x.unit, (0.98 * x.level, 1.02 * x.level))
-        shape = {"limit": x.level}
-        out.append(
-            Found("saturation", x.axis, x.confidence, shape, dict(shape), {}, [], size=[size], gain=1.0)
-        )
-    return out
 
 
 def pushes_named(account: Account, levels: Mapping[int, float]) -> list[Found]:

@@ -120,8 +120,13 @@ class Comparison:
         return np.asarray(self.held & ~np.array(free, dtype=bool))
 
 
-def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> Comparison:
-    """Return a subject and logs made ready for the search; LogError for channels, DataError where logs hold little."""
+def compare(
+    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log], *, pooled: bool = False
+) -> Comparison:
+    """Return a subject and logs made ready for the search; LogError for channels, DataError where logs hold little.
+
+    ``pooled``: runs that differ are kept together where their command is logged: the judgement tells them apart.
+    """
     change, block = isinstance(subject, Twin), RULES.block_time
     ready = _Ready.of(subject, logs, validation)
     twin, motions, sealed = ready.twin, *ready.motions()
@@ -131,9 +136,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         own = sample(motion, own_residual(twin), block)
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
-    if len(logs) > 1 and not (
-        change and all(m.qr is not None for m in motions)
-    ):  # those the judgement tells apart
+    if len(logs) > 1 and not (pooled and all(m.qr is not None for m in motions)):
         differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)

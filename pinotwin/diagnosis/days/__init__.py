@@ -1,1 +1,1 @@
-"""What has changed since a twin of several days: every cause is judged by one score on all that was recorded."""
+"""What has changed since a twin was healthy: every cause is judged by one score on all that was recorded."""

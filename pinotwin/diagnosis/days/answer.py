@@ -24,7 +24,7 @@ from pinotwin.diagnosis.days.causes import Place, axis_of, described, effect_of,
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
-from pinotwin.diagnosis.days.mechanisms import GROUP, GROUPS
+from pinotwin.diagnosis.days.mechanisms import GROUPS
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
@@ -91,7 +91,7 @@ class Answer:
         self.together = {k: _sum([x for _, x in each]) for k, each in self.closed.items() if each}
         self.noise, self.kind = noise_levels(c)
         index = {c.machine.names.index(k): x for k, x in self.together.items()}
-        self.gaps = {**gap_table(c, index, self.noise), **self._unjudged()}
+        self.gaps = {**gap_table(c, index, self.noise), **self.unjudged}
 
     @cached_property
     def track(self) -> Tracked:
@@ -110,8 +110,9 @@ class Answer:
             out.setdefault(axis, {})["ql"] = between
         return out
 
-    def _unjudged(self) -> dict[str, dict[str, Gap]]:
-        """Return the gaps of axes that are not judged, for their twin is unsure by more than their effort varies."""
+    @cached_property
+    def unjudged(self) -> dict[str, dict[str, Gap]]:
+        """The gaps of axes that are not judged, for their twin is unsure by more than their effort varies."""
         out = {}
         for axis in [x for x, why in self.c.gate.unknown.items() if why is UNSURE]:
             j = self.c.machine.names.index(axis)
@@ -293,8 +294,7 @@ class Answer:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
         proven = [x for _, axis in self.proofs for x in (axis.split(", ") if axis else self.r.axes)]
-        unasked = [x for x in (*self.c.gate.silent, *self._unjudged()) if x in self.gaps]
-        for name in [*proven, *unasked]:
+        for name in [*proven, *self.unjudged, *(x for x in self.c.gate.silent if x in self.gaps)]:
             out.setdefault(name, {})["u"] = 1.0
         return out
 
@@ -388,16 +388,16 @@ def diagnosed(
     if odd:
         names = [Path(x.log.source).name or f"log {k + 1}" for k, x in enumerate(c.logs)]
         kept = [k for k in range(len(names)) if k not in odd]
-        c = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation])
+        c = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation], pooled=True)
         c, differ = replace(c, kept=tuple(kept)), [names[k] for k in kept]
         a = _answer(c, options) or a
     made = provenance(c.twin, c.logs, c.validation, **options)
     return replace(_told(a, more, limited, differ), quick=options["quick"], provenance=made)
 
 
-def _at_rest(found: Sequence[Found], limited: Sequence[Found], strays: Collection[str]) -> list[Found]:
+def _with_limits(found: Sequence[Found], limited: Sequence[Found], strays: Collection[str]) -> list[Found]:
     """Return causes and limits: at a limit no law is linear, and of an axis that ran off nothing else is told."""
-    of_law = {str(e.axis) for e in found if GROUP.get(e.effect) == "law"}
+    of_law = {str(e.axis) for e in found if e.effect in GROUPS["law"]}
     at = [x for x in limited if x.axis in of_law.union(strays)]
     axes = {x.axis for x in at}
     gone = (*GROUPS["law"], "saturation")
@@ -407,11 +407,11 @@ def _at_rest(found: Sequence[Found], limited: Sequence[Found], strays: Collectio
 def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     """Return an answer in the form of the contract; ``differ``: the logs that are judged alone."""
     c, opened, gap = a.c, a.open(), a.gap
-    effects = [*_at_rest(a.found(), limited, c.gate.strays), *more]
+    effects = [*_with_limits(a.found(), limited, c.gate.strays), *more]
     word: Verdict = "partly_explained" if opened else "explained"
     if not effects:
         word = "unexplained" if opened else "none"
-    only = [f"The other logs show none of it: {', '.join(differ)} alone is judged"] if differ else []
+    only = [f"The other logs show none of it. Judged: {', '.join(differ)}"] if differ else []
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
     where = [x for n in a.named for x in regions(n.row, Place(a.r, axis_of(n.row, a.r), a.new.stretches))]
     return Diagnosis(

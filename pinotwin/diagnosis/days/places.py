@@ -13,6 +13,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.mechanisms import one_program
 from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.score import density
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.days.whitening import settled
@@ -60,10 +61,10 @@ class Whitened:
 
     def gain(self, k: int, before: Floats, after: Floats) -> float:
         """Return what a stretch gains [nats] if less is left of it, by the density of its cells."""
-        cell, nu = self.logs[k].cell, SETTINGS.freedom
+        cell = self.logs[k].cell
         rows = np.bincount(cell, self.masks[k]) / self.spread
-        old, new = (np.log1p(np.bincount(cell, x**2) / nu) for x in (before, after))
-        return float(0.5 * np.sum((nu + rows) * (old - new)))
+        old, new = (density(np.bincount(cell, x**2).astype(float), rows) for x in (before, after))
+        return float(np.sum(new - old))
 
     @cached_property
     def back(self) -> list[Floats]:

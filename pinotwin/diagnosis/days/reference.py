@@ -27,7 +27,7 @@ Residuals = Mapping[tuple[str, str], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A twin of several days.
+    """A twin and its healthy days.
 
     Attributes:
         twin: the plant. axes: that are judged. closed: whose position loop is closed on the load.

@@ -107,11 +107,9 @@ class Asked:
 
     def _by_log(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats], costs: Floats) -> list[float]:
         """Return the gain of every log [nats], the cost of its healthy day with it."""
-        out = np.zeros(max(len(self.q.logs), len(costs)))
-        out[: len(costs)] += costs
-        for (a, e), g in zip(keys, gains, strict=True):
-            np.add.at(out, self.cells[a][e].log, g)
-        return [float(x) for x in out]
+        logs = [self.cells[a][e].log for a, e in keys]
+        each = [np.asarray(np.bincount(k, g), dtype=float) for k, g in zip(logs, gains, strict=True)]
+        return [float(x) for x in _sum([np.zeros(len(self.q.logs)), costs, *each])]
 
     def error(self, cause: str, axis: str) -> float | None:
         """Return the standard error of a cause's number beside a healthy day [its unit]; None where it does not act."""
@@ -132,7 +130,9 @@ class Asked:
     def _unseen(self, cause: str, axes: Sequence[str]) -> dict[str, list[Acts]] | None:
         """Return the columns of a cause in the validation logs; None where they hang on the logs in question."""
         told = [self.tried.unseen.get(a, []) for a in axes]
-        if cause in GROWS or not all(each and all(cause in x for x in each) for each in told):
+        if cause.partition(":")[0] in GROWS or not all(
+            each and all(cause in x for x in each) for each in told
+        ):
             return None
         return {a: [x[cause] for x in each] for a, each in zip(axes, told, strict=True)}
 

@@ -129,11 +129,16 @@ def _weight(v: _View, x: Floats) -> Floats:
     return np.asarray((SETTINGS.freedom + v.rows) / (SETTINGS.freedom + left))
 
 
+def density(left: Floats, rows: Floats) -> Floats:
+    """Return the log density of cells [nats], but for a constant, from their squared residual and rows, (c,) each."""
+    nu = SETTINGS.freedom
+    return np.asarray(-0.5 * (nu + rows) * np.log1p(left / nu))
+
+
 def _density(v: _View, x: Floats) -> Floats:
     """Return the log density of every cell at numbers of shape (cells, p)."""
     left = np.maximum(np.einsum("ci,cij,cj->c", x, v.gram, x), 0.0)
-    nu = SETTINGS.freedom
-    return np.asarray(-0.5 * (nu + v.rows) * np.log1p(left / nu) + v.constant)
+    return density(left, v.rows) + v.constant
 
 
 def _solved(

@@ -132,12 +132,8 @@ class Tried:
 
 def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
     """Return causes whose effort is in the reading alone: the law of the controller, which did not ask, has it too."""
-    plain = {
-        k: x["plant"]
-        for k, x in acts.items()
-        if set(x) == {"plant"} and ":" not in k and group_of(k) in MISREAD
-    }
-    return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items()}
+    plain = {k: x["plant"] for k, x in acts.items() if set(x) == {"plant"} and ":" not in k}
+    return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items() if group_of(k) in MISREAD}
 
 
 def _put(each: Columns, cause: str, acts: Sequence[Acts]) -> None:

@@ -1,9 +1,9 @@
-"""Drives at their limit, of a machine or where no law of the controller is known."""
+"""Drives at their limit, told by an effort that rests there though the command asks for more."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.result import Found, Size
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS
@@ -20,19 +21,9 @@ from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
 
-@dataclass(frozen=True)
-class Limited:
-    """A drive at its limit: its axis, the level [N or N·m], its unit, the share of trials that find it again."""
-
-    axis: str
-    level: float
-    unit: str
-    confidence: float
-
-
 def limits(
     c: Comparison, leave_out: Collection[str] = (), rules: Rules = RULES, *, rests: bool = False
-) -> list[Limited]:
+) -> list[Found]:
     """Return the drives at their limit, which were at none on the twin's own logs.
 
     Args:
@@ -41,18 +32,20 @@ def limits(
         rules: thresholds.
         rests: also take an effort for limited that rests at its largest for longer than on the own logs.
     """
-    motion, out = c.new.motion, list[Limited]()
+    motion, out = c.new.motion, list[Found]()
     if motion.qr is None or "saturation" in leave_out:
         return []
     for axis in c.machine.axes.values():
         if not c.gate.asks("servo", axis.name):
             continue
-        found = _level(c, axis.index, [motion], rests=rests)
-        if found is None or exceeded(_logged(c, axis.name), found):
+        level = _level(c, axis.index, [motion], rests=rests)
+        if level is None or exceeded(_logged(c, axis.name), level):
             continue
         again = [_level(c, axis.index, part, rests=rests) is not None for part in _without_stretches(motion)]
         sure = posterior(sum(again), len(again), rules)
-        out.append(Limited(axis.name, found, "N·m" if axis.rotary else "N", sure))
+        told, unit = {"limit": level}, "N·m" if axis.rotary else "N"
+        size = Size("limit", np.inf, level, unit, (0.98 * level, 1.02 * level))
+        out.append(Found("saturation", axis.name, sure, told, told, {}, [], size=[size], gain=1.0))
     return out
 
 
