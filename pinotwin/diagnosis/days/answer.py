@@ -289,7 +289,9 @@ class Answer:
         if self.judged.unknown:
             row, worst = self.judged.described, max(self.judged.open, key=lambda k: self.judged.open[k])
             axis, equation = (row.axis, "plant") if row is not None and worst[1] == "plant" else worst
-            out[axis] = {signals[equation]: 1.0}
+            e = self.track.gaps.get(axis)
+            kept = equation == "law" and e is not None and e.rms <= e.expected  # then its effort is off
+            out[axis] = {"u" if kept else signals[equation]: 1.0}
         for x in self.recorded:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0

@@ -110,7 +110,6 @@ def known(r: Reference, form: Effect) -> Floats:
 def possible(r: Reference, found: Local, numbers: Floats, errors: Floats) -> bool:
     """Whether a machine can have the coefficients of a form after the change, within two standard errors."""
     assert found.form is not None
-    limits = [(c.lower, c.upper) for part in parts(found.form) for c in part.coefficients()]
-    low, high = np.transpose(limits)
+    low, high = np.transpose([(c.lower, c.upper) for part in parts(found.form) for c in part.coefficients()])
     after, slack = known(r, found.form) + numbers * found.scale, 2.0 * errors * found.scale
     return bool(np.all((low - slack <= after) & (after <= high + slack)))

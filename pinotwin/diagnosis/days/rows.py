@@ -160,8 +160,7 @@ class Asked:
         ]
         if not parts:
             return 1.0
-        axis = axes[-1] if len(axes) > 1 else axes[0]
-        size = float(np.std(np.concatenate([s.axes[axis]["u"] for s in self.q.logs])))
+        size = float(np.std(np.concatenate([s.axes[axes[-1]]["u"] for s in self.q.logs])))
         y = np.concatenate(parts)
         most = max(float(np.abs(y).max()), 1e-300)
         return most * (1.0 if searched else rms(y / most)) / max(size, 1e-300)
