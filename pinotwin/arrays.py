@@ -1,7 +1,6 @@
-"""Names for arrays, so that a signature says what kind of number it takes; and their plain form for JSON.
+"""Names for arrays in signatures, and their plain form for JSON; times run down the rows.
 
-Times run down the rows. Shapes are given in the docstrings: ``n`` samples, ``nv`` joints of the model,
-``p`` parameters.
+Shapes are told in the docstrings: ``n`` samples, ``nv`` joints of the model, ``p`` parameters.
 """
 
 from __future__ import annotations

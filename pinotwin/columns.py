@@ -3,11 +3,9 @@
     SI = raw * si_factor(unit) * factor + offset
 
 ``factor`` (torque constant times gear, a sign) may name a scalar of the file (``gtau``); ``offset`` is SI. A clock
-may come from a rate (``t: {rate: 5000}``). ``wrap`` is the range of a counter, in the file's unit, that starts again.
-
+may come from a rate (``t: {rate: 5000}``); ``wrap`` is the range of a counter that starts again, in the file's unit.
 Names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz mx my mz; IMU ``gx gy
-gz ax ay az``; further ones have no dot. A ``column`` is the channel's name as read, the header as the file has it,
-or ``"[k]"``: column k of a file without header.
+gz ax ay az``; further ones have no dot. A ``column`` is named as the header has it, or ``"[k]"``: column k without one.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 
 _JOINT_STATE = re.compile(r"(?:.*/)?(?P<joint>[^/]+?)[./](?P<field>position|velocity|effort)$")
-_JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
+JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}  # field of a JointState -> signal
 
 
 @dataclass(frozen=True)
@@ -61,12 +59,9 @@ def is_contract_name(name: str) -> bool:
 def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ()) -> Log:
     """Return the log with SI channels named per the contract; a bound log takes no more than a factor found since.
 
-    Channels that are not mapped (or whose column is missing) but already have a name of the
-    contract pass through: as SI, or converted where the file states another unit (said in the
-    notes). All others are left out, and ``optional`` channels that the file lacks or gives no size.
-
-    Raises:
-        LogError: a column or scalar is not in the file, or a unit is unknown.
+    What is not mapped, or its column is missing, but has a name of the contract passes through: as SI, or converted
+    where the file says so (a note). The rest is left out, and ``optional`` channels that the file lacks or gives no
+    size. LogError: a column or scalar is not in the file, or a unit is unknown.
     """
     if log.scale:
         return _sized(log, columns)
@@ -212,7 +207,7 @@ def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterat
     for name in log.channels:
         match = _JOINT_STATE.match(name)
         if match and name not in used:
-            target = f"{match['joint']}.{_JOINT_SIGNALS[match['field']]}"
+            target = f"{match['joint']}.{JOINT_SIGNALS[match['field']]}"
             if target not in channels and target not in log:
                 yield name, target, log.units.get(name, "1")
 

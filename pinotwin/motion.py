@@ -104,17 +104,8 @@ class Motion(Card):
     def axis(self, name: str) -> AxisMotion:
         """Return the motion of one joint."""
         i = self.index(name)
-        return AxisMotion(
-            name,
-            i,
-            self.rotary[i],
-            self.t,
-            self.q[:, i],
-            self.v[:, i],
-            self.a[:, i],
-            self.segments,
-            self.step,
-        )
+        q, v, a = (x[:, i] for x in (self.q, self.v, self.a))
+        return AxisMotion(name, i, self.rotary[i], self.t, q, v, a, self.segments, self.step)
 
     @property
     def regulated(self) -> Floats:

@@ -55,13 +55,12 @@ COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse"
 SI_FACTOR = {unit: size for size, units in (*_SIZES, (1.0, " ".join(COUNTS))) for unit in units.split()}
 """Factor from a unit to SI. Electrical units pass as they are: the column's own `factor` turns them into N or N·m."""
 
-ELECTRICAL = {
+ELECTRICAL = {  # Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one
     **dict.fromkeys(("A", "Arms", "Apk", "mA", "kA"), "A"),
     **dict.fromkeys(("V", "mV"), "V"),
     **dict.fromkeys(("%", "‰", "permille", "0.1%"), "rated effort"),
     "law": "law unit",
 }
-"""Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one."""
 
 
 def shown(unit: str, size: float) -> tuple[float, str]:

@@ -101,35 +101,23 @@ class Compared(Drawn):
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Compared):
-    """Twins of one machine side by side.
+    """Twins of one machine side by side."""
 
-    Attributes:
-        machine: name of the machine.
-        labels: name of each twin.
-        widening: axis -> factor by which the standard errors were widened.
-        rows: every parameter that two twins have, in the order of the first.
-        only: label -> parameters that no other twin has.
-        errors: axis -> signal -> label -> ``rms``, ``nrmse``, on the same log; empty without one.
-        shifts: effect key -> RMS change of its effort along the log, last twin against first, with axis
-            and unit; empty without a log.
-        log: source of that log.
-        notes: what deserves attention.
-        data: label -> the logs that the twin was identified from.
-        false_discoveries: share of the parameters said to have moved that may be chance.
-    """
-
-    machine: str
-    labels: tuple[str, ...]
-    widening: Mapping[str, float]
-    rows: tuple[Row, ...]
-    only: Mapping[str, tuple[str, ...]]
+    machine: str  # name of the machine
+    labels: tuple[str, ...]  # name of each twin
+    widening: Mapping[str, float]  # axis -> factor by which the standard errors were widened
+    rows: tuple[Row, ...]  # every parameter that two twins have, in the order of the first
+    only: Mapping[str, tuple[str, ...]]  # label -> parameters that no other twin has
     controller: tuple[Row, ...] = ()  # what the drives are set to, see Servo.service
+    # axis -> signal -> label -> ``rms``, ``nrmse``, on the same log; empty without one
     errors: Mapping[str, Mapping[str, Mapping[str, Mapping[str, float]]]] = field(default_factory=dict)
+    # effect key -> its axis, RMS change of its effort along the log, last twin against first, and unit
     shifts: Mapping[str, tuple[str, float, str]] = field(default_factory=dict)
-    log: str = ""
-    notes: tuple[str, ...] = ()
+    log: str = ""  # source of that log
+    notes: tuple[str, ...] = ()  # what deserves attention
+    # label -> the logs that the twin was identified from
     data: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
-    false_discoveries: float = 0.05
+    false_discoveries: float = 0.05  # share of the parameters said to have moved that may be chance
 
     @property
     def moved(self) -> tuple[Row, ...]:
@@ -197,18 +185,7 @@ def compare(
     false_discoveries: float = 0.05,
     knots: int = 12,
 ) -> Comparison:
-    """Put twins of one machine side by side, in the order of time.
-
-    Args:
-        twins: two or more, or their folders.
-        labels: name of each; ``1``, ``2``... where None.
-        log: on which each is judged; without it parameters alone are compared.
-        false_discoveries: share of the parameters said to have moved that may be chance.
-        knots: an effect with more coefficients is a table, not asked one by one.
-
-    Raises:
-        InputError: fewer than two twins, or twins of different machines.
-    """
+    """Put twins side by side, see :func:`pinotwin.compare`; an effect of more than so many ``knots`` is a table."""
     given = [as_twin(one) for one in twins]
     names = tuple(labels) if labels is not None else tuple(str(k + 1) for k in range(len(given)))
     if len(given) < 2:

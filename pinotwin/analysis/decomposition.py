@@ -1,10 +1,8 @@
-"""Which cause makes how much of the tracking error (thesis Fig. 4-14 to 4-16).
+"""Which cause makes how much of the tracking error: e = G_eq q_r + sum of G_ed d_cause (thesis Fig. 4-14 to 4-16).
 
-    e = G_eq q_r + sum over causes of G_ed d_cause
-
-The response is simulated from the command alone; each part of every axis' disturbance
-(:mod:`pinotwin.analysis.disturbance`), and the command, goes through the identified transfer functions on its own, so
-that the parts add up exactly. What the tables of the simulation differ from the effects (1e-4 and less) is ``other``.
+The response is simulated from the command alone; command and each part of every axis' disturbance
+(:mod:`pinotwin.analysis.disturbance`) go through the identified transfer functions on their own, so that the parts add
+up exactly. What the tables of the simulation differ from the effects (1e-4 and less) is ``other``.
 """
 
 from __future__ import annotations
@@ -35,21 +33,15 @@ COMMAND = "command"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Decomposition(Card):
-    """Disturbances and tracking errors by cause, over a window of n rows; joint coordinates, SI.
+    """Disturbances and tracking errors by cause, over a window of n rows; joint coordinates, SI."""
 
-    Attributes:
-        t: time [s], shape (n,).
-        axes: axes with a closed loop.
-        disturbances: axis -> cause -> its part of the generalised disturbance [N or N·m], shape (n,).
-        errors: axis -> cause, or ``command`` -> the tracking error it makes [m or rad], shape (n,).
-        notes: of the simulation.
-    """
-
-    t: Floats
-    axes: tuple[str, ...]
+    t: Floats  # time [s], shape (n,)
+    axes: tuple[str, ...]  # axes with a closed loop
+    # axis -> cause -> its part of the generalised disturbance [N or N·m], shape (n,)
     disturbances: Mapping[str, Mapping[str, Floats]]
+    # axis -> cause, or ``command`` -> the tracking error it makes [m or rad], shape (n,)
     errors: Mapping[str, Mapping[str, Floats]]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # of the simulation
 
     def disturbance(self, axis: str) -> Floats:
         """Return the generalised disturbance of an axis, shape (n,)."""
@@ -66,11 +58,7 @@ class Decomposition(Card):
         return {c: size / total if total > 0.0 else 0.0 for c, size in sizes.items()}
 
     def table(self) -> tuple[dict[str, Any], ...]:
-        """Return one row an axis and cause, largest share first.
-
-        Keys: ``axis``, ``cause``, ``disturbance_rms`` (None for the command), ``error_rms``,
-        ``error_peak``, ``share``.
-        """
+        """Return one row an axis and cause, largest share first; the command has no ``disturbance_rms``."""
         rows: list[dict[str, Any]] = []
         for axis in self.axes:
             shares = self.shares(axis)

@@ -17,15 +17,10 @@ from pinotwin.notebook import Shown
 
 @dataclass(frozen=True, repr=False)
 class Diagnoses(Compared):
-    """Diagnoses side by side.
+    """Diagnoses side by side."""
 
-    Attributes:
-        labels: name of each.
-        documents: the content of each diagnosis.json.
-    """
-
-    labels: tuple[str, ...]
-    documents: tuple[Mapping[str, Any], ...]
+    labels: tuple[str, ...]  # name of each
+    documents: tuple[Mapping[str, Any], ...]  # the content of each diagnosis.json
 
     @property
     def causes(self) -> dict[tuple[str, str], dict[str, Mapping[str, Any]]]:

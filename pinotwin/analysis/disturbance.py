@@ -25,7 +25,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.open_loop import OpenLoop
 
-CAUSES = (
+CAUSES = (  # Causes of the generalised disturbance; ``position`` is ripple, tables and offsets
     "friction",
     "position",
     "gravity",
@@ -35,7 +35,6 @@ CAUSES = (
     "external",
     "other",
 )
-"""Causes of the generalised disturbance; ``position`` is ripple, tables and offsets."""
 
 
 def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, Floats]:

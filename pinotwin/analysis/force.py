@@ -1,8 +1,8 @@
 """External effort over time: what a twin cannot account for, with its interval.
 
-``f = twin's effort - measured effort`` [N or N·m] pushes the axis from outside: a process force, contact, a hand. The
-cross-validated residual of the twin's own logs (moving and at rest apart) and what its coefficients are unsure by make
-the 90 % interval. A pure force F on a link follows from f = J(q)^T F, weighed by it, in directions that the axes feel.
+``f = twin's effort - measured effort`` [N or N·m] pushes the axis: a process force, contact, a hand. Its 90 % interval
+comes from the cross-validated residual of the twin's logs, moving and at rest apart, and the covariance of its
+coefficients. A pure force F on a link follows from f = J(q)^T F, weighed by it, in directions that the axes feel.
 """
 
 from __future__ import annotations
@@ -27,29 +27,17 @@ from pinotwin.twin.twin import TwinLike, as_twin
 
 @dataclass(frozen=True, eq=False)
 class ExternalEffort:
-    """External effort of every axis.
+    """External effort of every axis."""
 
-    Attributes:
-        t: time [s], shape (n,).
-        names: axes.
-        force: external effort, shape (n, axes) [N or N·m].
-        half: half width of its 90 % interval, shape (n, axes).
-        q: positions of all joints, shape (n, nv) [m or rad].
-        units: of each axis' force.
-        machine: its name.
-        source: of the log.
-        link: the pure force on a link, if one was named.
-    """
-
-    t: Floats
-    names: tuple[str, ...]
-    force: Floats
-    half: Floats
-    q: Floats
-    units: tuple[str, ...] = ()
-    machine: str = ""
-    source: str = ""
-    link: LinkForce | None = None
+    t: Floats  # time [s], shape (n,)
+    names: tuple[str, ...]  # axes
+    force: Floats  # external effort, shape (n, axes) [N or N·m]
+    half: Floats  # half width of its 90 % interval, shape (n, axes)
+    q: Floats  # positions of all joints, shape (n, nv) [m or rad]
+    units: tuple[str, ...] = ()  # of each axis' force
+    machine: str = ""  # its name
+    source: str = ""  # of the log
+    link: LinkForce | None = None  # the pure force on a link, if one was named
 
     def channels(self) -> dict[str, Floats]:
         """Return ``t`` and, for every axis, ``<axis>.f``, ``.f_low`` and ``.f_high``."""

@@ -64,11 +64,7 @@ def modes(
     damping: Mapping[str, float] | None = None,
     gravity: bool = True,
 ) -> Modes:
-    """Return natural frequencies, damping and shapes of a machine at a posture.
-
-    Raises:
-        MachineError: an unknown axis, or a passive joint of unknown stiffness.
-    """
+    """Return the vibrations at a posture [m or rad]; MachineError: unknown axis, or joint of unknown stiffness."""
     believed, model, found = _believed(machine)
     q = believed.posture(posture)
     k, c = _springs(believed, found, stiffness or {}, damping or {})

@@ -11,7 +11,7 @@ from itertools import count
 import numpy as np
 
 from pinotwin.bench import catalogue
-from pinotwin.bench.plants import is_rotary, listing
+from pinotwin.bench.plants import listing, public_machine
 
 MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "random:31", "random:32")
 """Machines of a bench by default; random machines of smaller numbers were seen in development."""
@@ -103,10 +103,10 @@ def _placed(
     rng: np.random.Generator, machine: str, situation: str, names: Sequence[str]
 ) -> tuple[tuple[str, str, float], ...] | None:
     """Return the effects with axis and size; None where a machine has no place for one."""
-    axes = list(listing(machine))
+    axes, turning = list(listing(machine)), public_machine(machine).axes
     out = []
     for name in names:
-        free = [a for a in axes if name not in catalogue.ROTARY or is_rotary(machine, a)]
+        free = [a for a in axes if name not in catalogue.ROTARY or turning[a].rotary]
         if not free or (name in catalogue.MANY_AXES and len(axes) < 2):
             return None
         sizes = catalogue.SIZES | (catalogue.CHANGE_SIZES if situation == "change" else {})

@@ -1,7 +1,6 @@
 """One function over many items in many processes: a dead worker costs a retry, no answer.
 
-Each process is an executor of its own, so that one that dies accuses its item alone. All hold a pipe from this
-process: when it closes, they end.
+Each process is an executor of its own, so that a dead one accuses its item alone; all end when this one's pipe closes.
 """
 
 from __future__ import annotations

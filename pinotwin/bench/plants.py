@@ -74,11 +74,6 @@ def is_listed(name: str, effect: str, axis: str) -> bool:
     return any(n in covers for n, _ in items)
 
 
-def is_rotary(name: str, axis: str) -> bool:
-    """Whether an axis turns."""
-    return public_machine(name).axes[axis].rotary
-
-
 def item_name(item: Any) -> str:
     """Return the effect's name of an item of a listing."""
     return str(item) if isinstance(item, str) else str(next(iter(item)))

@@ -1,8 +1,7 @@
 """rho: how much power an effect adds to a signal, over the power of the noise, from the truth alone.
 
-The power is that of the difference of two runs without noise, with and without the effect, after the closed loop;
-noise is of sensors, and friction that scatters. A model that is fitted to the very log (situation ``structure``)
-takes up what its columns, at their true shapes, can: :func:`left_of` takes that away.
+It is that of the difference of two noiseless runs, with and without the effect, in the closed loop; noise is of sensors
+and of friction that scatters. What a model fitted to the log takes up by its true columns, :func:`left_of` takes away.
 """
 
 from __future__ import annotations

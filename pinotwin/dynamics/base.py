@@ -154,10 +154,8 @@ def combination(coefficients: Floats, names: Sequence[str]) -> str:
 
 
 def labels(P: Floats, independent: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Return one short, unique name for every row of ``P``; a star says that it is a grouping.
-
-    A row is called after the innermost parameter of its own kind that enters it with factor one, if still free.
-    """
+    """Return one short, unique name for every row of ``P``; a star says that it is a grouping."""
+    # After the innermost parameter of its own kind that enters a row with factor one, if still free.
     out: list[str] = []
     for row, own in zip(P, independent, strict=True):
         ones = sorted(np.flatnonzero(row == 1.0).tolist(), key=lambda k: _rank(names[k], k))

@@ -35,10 +35,7 @@ def mass_matrix(model: pin.Model, q: Floats) -> Floats:
 
 
 def regressor(model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None) -> Floats:
-    """Return W with W @ pi = joint effort, shape (n, nv, p), or some ``columns``; ``q``, ``v``, ``a`` (n, nv), SI.
-
-    Pinocchio computes the ten columns of every body; those of rotor inertias follow from the accelerations.
-    """
+    """Return W with W @ pi = joint effort, shape (n, nv, p), or some ``columns``; ``q``, ``v``, ``a`` (n, nv), SI."""
     q, v, a = as_log(model, q=q, v=v, a=a)
     p, bodies = parameter_count(model), 10 * body_count(model)
     wanted = np.arange(p) if columns is None else np.asarray(columns, dtype=np.intp)

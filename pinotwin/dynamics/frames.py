@@ -47,10 +47,7 @@ def frame_velocity(model: pin.Model, frame: str, q: Floats, v: Floats) -> Floats
 
 
 def frame_acceleration(model: pin.Model, frame: str, q: Floats, v: Floats, a: Floats) -> Floats:
-    """Return the classical acceleration of the frame's origin, and its angular one, in its axes [m/s²; rad/s²], (n, 6).
-
-    Gravity is not in it: an accelerometer reads this minus R^T g, with R from :func:`frame_rotation`.
-    """
+    """Return the classical acceleration of a frame, linear, angular, in its axes, no gravity [m/s²; rad/s²], (n, 6)."""
     at = pin.getFrameClassicalAcceleration
     return _along(model, frame, (6,), lambda d, i: at(model, d, i, pin.LOCAL).vector, q=q, v=v, a=a)
 
@@ -73,10 +70,7 @@ def _along(
 
 
 def external_effort(model: pin.Model, frame: str, q: Floats, wrench_world: Floats) -> Floats:
-    """Return the joint effort J^T f of a load on a frame [N or N·m], shape (n, nv): M a + c + g = u + J^T f.
-
-    ``wrench_world`` is force [N] and moment [N·m] in world axes at the frame's origin, shape (n, 6).
-    """
+    """Return the effort J^T f [N or N·m], (n, nv), of a load (n, 6) [N, N·m] at a frame's origin, in world axes."""
     f = np.asarray(wrench_world, dtype=float)
     J = jacobian(model, frame, q, world=True)
     if f.shape != (len(J), 6):

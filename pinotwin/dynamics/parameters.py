@@ -36,10 +36,7 @@ def parameters(model: pin.Model) -> Floats:
 
 
 def with_parameters(model: pin.Model, pi: Floats) -> pin.Model:
-    """Return a copy of the model that has the parameters ``pi``, shape (p,); MachineError for another length.
-
-    A body without mass must have no first moments either: Pinocchio stores its centre of mass.
-    """
+    """Return a copy of the model with ``pi``, shape (p,); MachineError: another length, moments without mass."""
     values = np.asarray(pi, dtype=float)
     if values.shape != (parameter_count(model),):
         raise MachineError(

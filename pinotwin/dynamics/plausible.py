@@ -11,10 +11,8 @@ from pinotwin.dynamics.pseudoinertia import dynamic_parameters, pseudo_inertia
 
 
 def plausible(model: pin.Model, acting: Mask) -> tuple[Floats, Mask]:
-    """Return standard parameters, shape (p,), with which all ``acting`` bodies can exist, and which are dummies.
-
-    Dummies have no mass, a negative or a huge moment of inertia, or all are alike or of 1 kg: a rod takes their place.
-    """
+    """Return standard parameters, shape (p,), with which all ``acting`` bodies can exist, and which are dummies."""
+    # Dummies have no mass, a negative or a huge moment of inertia, or all are alike or of 1 kg.
     pi, count = parameters(model), body_count(model)
     bodies = pi[: 10 * count].reshape(-1, 10)
     some = bodies[acting]

@@ -1,7 +1,6 @@
 """A twin for other tools: URDF, MuJoCo, and the inverse model as one NumPy or C file.
 
-``pt.export`` is the verb and this package at once: a package that is loaded takes the verb's place as an attribute of
-``pinotwin``, so it can be called.
+``pt.export`` is the verb, too: a loaded package takes its place as an attribute of ``pinotwin``, so it can be called.
 """
 
 import sys

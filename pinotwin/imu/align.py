@@ -93,12 +93,7 @@ def _with_gravity(
 def mounting_from_rates(
     w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None
 ) -> RotationFit:
-    """Return R_S/T from rates (n, 3) [rad/s] of link and gyro, whose scale and bias are estimated beside it.
-
-        gyr = (I + diag(s)) exp(e) R w_link + b
-
-    A scale error that differs between axes looks like a misalignment to the plain fit.
-    """
+    """Return R = R_S/T from rates (n, 3) [rad/s]: gyr = (I + diag(s)) exp(e) R w_link + b, s and b estimated too."""
     still = np.linalg.norm(w_link, axis=1) < 1e-3
     centred = gyr - np.median(gyr[still], axis=0) if still.any() else gyr
     fit = fit_rotation(w_link, centred, gravity)

@@ -121,23 +121,12 @@ def run_result(
 
     quasi = float(np.sqrt(np.mean(np.maximum(np.einsum("ni,ij,nj->n", slow, C, slow), 0.0))))
     se = np.sqrt(np.diag(cov))
-    return RunResult(
-        t,
-        y[:, 0],
-        y[:, 1],
-        y[:, 2],
-        sd(fast, 0),
-        sd(v, 1),
-        sd(a, 2),
-        quasi,
-        float(np.std(slow_angle)),
-        _refined(m, theta, cov, lay, clock, p),
-        theta[lay["scale"]],
-        se[lay["scale"]],
-        theta[lay["bias"]].reshape(-1, 3),
-        float(np.std(left.x[:, 0])),
-        _parasitic(m, t, left),
-    )
+    motion = y[:, 0], y[:, 1], y[:, 2], sd(fast, 0), sd(v, 1), sd(a, 2)
+    slow_sizes = quasi, float(np.std(slow_angle))
+    gyro = theta[lay["scale"]], se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3)
+    refined = _refined(m, theta, cov, lay, clock, p)
+    unexplained = float(np.std(left.x[:, 0])), _parasitic(m, t, left)
+    return RunResult(t, *motion, *slow_sizes, refined, *gyro, *unexplained)
 
 
 def _parasitic(m: RunModel, t: Floats, left: Remainder) -> Floats:
@@ -192,12 +181,8 @@ def predict_readings(
     clock: ClockFit,
     priors: Priors,
 ) -> tuple[Floats, Floats]:
-    """Return what another IMU on the same link should read: gyro and accelerometer, (m, 3) each.
-
-    The test of a deflection: IMUs fitted to one encoder agree by construction, but one predicts the other's raw signals
-    only if ``run``, found with the first, is right. Of ``imu`` only the stamps are used; ``R_link_sensor`` (R_S/T),
-    ``position`` [m] in the link frame, (3,), and ``clock`` are its own; ``priors`` its low-pass and gravity.
-    """
+    """Return both readings (m, 3) of another IMU on the link, with mounting R_S/T and ``position`` [m], (3,)."""
+    # IMUs fitted to one encoder agree by construction; one predicts another's signals only if the deflection is right.
     model = RunModel(servo, imu, priors, clock.to_ref(imu.t))
     deflection = np.stack([run.angle, run.velocity, run.acceleration], axis=1)
     return model.readings(CubicSpline(run.t, deflection)(model.fine.t), R_link_sensor, position)

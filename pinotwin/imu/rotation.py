@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from pinotwin.arrays import Floats
 from pinotwin.system.kernels import compiled
 
-Rule = Literal["mean", "coning"]
+Rule = Literal["mean", "coning"]  # rates are averages that end at the stamp, or instantaneous
 
 
 def to_matrix(q: Floats) -> Floats:
@@ -70,10 +70,7 @@ def inclination_error(q: Floats, reference: Floats) -> Floats:
 
 
 def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floats:
-    """Return the rotation vectors [rad] of the steps [s] between rates (n, 3) [rad/s], shape (n - 1, 3).
-
-    Rates are averages that end at the stamp ("mean") or instantaneous ("coning", fourth order if steps are one).
-    """
+    """Return rotation vectors [rad], (n - 1, 3), of steps [s] between rates (n, 3) [rad/s], means or instantaneous."""
     a, b = gyr[:-1], gyr[1:]
     h = np.broadcast_to(np.asarray(step, dtype=float), (len(a),))[:, None]
     if rule == "mean":

@@ -138,11 +138,8 @@ def has_commands(machine: Machine, log: Log) -> bool:
 
 
 def efforts(machine: Machine, log: Log) -> Floats:
-    """Return joint efforts ``tau = N^T tau_motor`` [N or N·m], shape (n, nv).
-
-    NaN where a motor that acts on the joint has no channel, or a constant one: fitted, that is a machine without
-    friction. NaN for a passive joint: its effort is zero, and a row without a scale cannot be weighed beside motors.
-    """
+    """Return ``tau = N^T tau_motor`` [N or N·m], (n, nv), NaN where a motor has no channel or a constant one."""
+    # Fitted, a constant is a machine without friction. A passive joint's zero has no scale to be weighed by.
     motor = np.full((len(log), machine.nv), np.nan)
     for name, axis in machine.axes.items():
         u = log.channels.get(f"{name}.u")

@@ -16,8 +16,7 @@ from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepared import Prepared
-from pinotwin.logs.quality import Finding, Quality
-from pinotwin.logs.quality.results import finding
+from pinotwin.logs.quality.results import Finding, Quality, finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine

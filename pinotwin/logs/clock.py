@@ -1,9 +1,8 @@
 """The clock of a log made even: held rows, skipped rows and scattered stamps are told from the motion.
 
-A program that writes the latest values when it gets to it scatters its stamps, doubles and loses samples; the
-positions still advance by multiples of ``v T``. A logger that samples at uneven times gives positions smooth over
-its stamps. The clock over which the positions are smoother is taken, even rows where neither is. Gaps of a sample
-or two are bridged (cubic in positions and commands, linear in all else) and counted; longer ones are left open.
+A program that writes the latest values scatters stamps, doubles and loses samples, but positions still advance by
+multiples of ``v T``; a logger of uneven times gives positions smooth over its stamps. The clock over which they are
+smoother is taken, even rows where neither is. Gaps of a sample or two are bridged and counted, longer ones left open.
 """
 
 from __future__ import annotations

@@ -9,8 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.logs.explained import Course, Explained, left_of
-from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.results import finding
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.signals import autocorrelation
 from pinotwin.solve.lead import Lag
 

@@ -13,8 +13,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.logs.effort_alone import drives
 from pinotwin.logs.explained import Course, Explained, explained
-from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.results import finding
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import Settings
 from pinotwin.machine import Machine
 

@@ -1,8 +1,7 @@
 """Whether the efforts of a log can be those of the machine: sign, axis, instant, unit.
 
-The tests use what no machine can break: friction takes power out of a motion, an effort acts at once, on its own
-axis, and with the size that the URDF's masses ask for, give or take a few times. An axis of which nothing was found
-is spoiled once more: what the same tests do not name then, they could not have named in the log itself.
+Friction takes power out of a motion, an effort acts at once, on its own axis, and about as large as the URDF's masses
+ask for. An axis without a finding is spoiled once more, to see what the same tests could not have named in this log.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ from pinotwin.logs.effort_alone import (
 )
 from pinotwin.logs.exchanged import exchanged, not_told
 from pinotwin.logs.explained import Explained, course, explained
-from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.results import finding
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion

@@ -1,7 +1,7 @@
 """From a log to a motion: SI names, joint coordinates, one filter for every channel, rows chosen.
 
 Positions are low-passed without phase shift and differentiated; all else goes through the same filter, so that no
-channel leads another. The clock is made even (:mod:`pinotwin.logs.clock`); longer holes and jumps split the log.
+channel leads another. Holes that :mod:`pinotwin.logs.clock` does not bridge, and jumps, split the log.
 """
 
 from __future__ import annotations

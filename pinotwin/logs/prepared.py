@@ -17,8 +17,8 @@ from pinotwin.logs.command import command_findings
 from pinotwin.logs.effort_alone import Examined
 from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without
-from pinotwin.logs.quality import Finding, Limits, Quality, inspect
-from pinotwin.logs.quality.results import finding
+from pinotwin.logs.quality import Limits, Quality, inspect
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion

@@ -1,7 +1,6 @@
 """Identify the closed loop of an axis: poles searched, numerators projected out (thesis 4.2.3).
 
-What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from block sums of
-the score (:func:`pinotwin.solve.sandwich.batch_means`).
+What a model leaves is never white: the covariance is the sandwich of :func:`pinotwin.solve.sandwich.batch_means`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Where everything stands: searched parameters, states per input, ties between residues.
 
-The response of an output is ``c @ states`` with one set of section states per input. The numerator's form (see
-``structure``) ties the residues: with x' = A x + B w, a relative degree r means c A^k B = 0 for k < r - 1, and the
-gain at frequency zero is the sum of the residues on the first state of every section.
+An output is ``c @ states``, with one set of section states per input. The numerator's form (``structure``) ties the
+residues: of x' = A x + B w, a relative degree r means c A^k B = 0 for k < r - 1, and the gain at frequency zero is
+the sum of the residues on the first state of every section.
 """
 
 from __future__ import annotations

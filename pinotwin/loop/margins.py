@@ -1,8 +1,4 @@
-"""A controller around a rigid plant, M v' + B v = u - d: the closed loop and how far it is from instability.
-
-It is a :class:`LoopModel` like the black box, to be compared and simulated by the same code; the margins are those of
-the loop broken at the effort.
-"""
+"""A controller around a rigid plant, M v' + B v = u - d: the closed loop, as a :class:`LoopModel`, and its margins."""
 
 from __future__ import annotations
 
@@ -32,15 +28,8 @@ def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "ax
     sections, residues = _sections(values, C @ right, left)
     pairs = sum(s.order == 2 for s in sections)
     structure = Structure(len(sections) - pairs, pairs, feedforward_poles=())
-    return LoopModel(
-        axis,
-        ("d",),
-        ("e", "u"),
-        servo.step,
-        structure,
-        sections,
-        np.column_stack([residues, D]),
-    )
+    residues = np.column_stack([residues, D])
+    return LoopModel(axis, ("d",), ("e", "u"), servo.step, structure, sections, residues)
 
 
 def closed(
@@ -133,14 +122,7 @@ def stable(servo: Servo, inertia: float, viscous: float = 0.0) -> bool:
 def margins(
     servo: Servo, inertia: float, viscous: float = 0.0, band: tuple[float, float, int] = (0.05, 2000.0, 4000)
 ) -> Margins:
-    """Return the stability margins of a controller around a rigid axis.
-
-    Args:
-        servo: the controller, as identified or with other gains (``servo.scaled(all=1.3)``).
-        inertia: M of the axis, ``twin.diagonal["inertia"]`` [kg or kg·m²].
-        viscous: B of the axis [N·s/m or N·m·s/rad].
-        band: lowest and highest frequency [Hz] at which the loop is looked at, and at how many.
-    """
+    """Return the stability margins around M [kg, kg·m²], B [N·s/m, N·m·s/rad]; ``band``: ends [Hz], how many."""
     f = np.geomspace(*band)
     L = open_loop(servo, inertia, viscous, f)
     size = np.abs(L)

@@ -27,28 +27,18 @@ COMMAND = "qr"
 
 @dataclass(frozen=True)
 class LoopModel:
-    """Closed-loop LTI model of one axis (thesis Eq. 4.13, 5.6, 5.8); stable by construction.
+    """Closed-loop LTI model of one axis (thesis Eq. 4.13, 5.6, 5.8); stable by construction."""
 
-    Attributes:
-        axis: name of the axis.
-        disturbances: names of the disturbances.
-        outputs: names of the outputs.
-        step: sampling interval of the data [s].
-        structure: numbers of poles and form of the numerators.
-        sections: first- and second-order parts of the characteristic polynomial [rad/s].
-        residues: on the unit-gain section states per input (disturbances, then velocity of the
-            command), then on velocity and acceleration of the command, shape (ny, nc), SI.
-        fit: how it was found; None for a model that was not fitted.
-    """
-
-    axis: str
-    disturbances: tuple[str, ...]
-    outputs: tuple[str, ...]
-    step: float
-    structure: Structure
-    sections: tuple[Section, ...]
+    axis: str  # name of the axis
+    disturbances: tuple[str, ...]  # names of the disturbances
+    outputs: tuple[str, ...]  # names of the outputs
+    step: float  # sampling interval of the data [s]
+    structure: Structure  # numbers of poles and form of the numerators
+    sections: tuple[Section, ...]  # first- and second-order parts of the characteristic polynomial [rad/s]
+    # on the unit-gain section states per input (disturbances, then velocity of the command), then on velocity and
+    # acceleration of the command, shape (ny, nc), SI
     residues: Floats
-    fit: LoopFit | None = None
+    fit: LoopFit | None = None  # how it was found; None for a model that was not fitted
 
     def __post_init__(self) -> None:
         residues = np.array(self.residues, dtype=float)
@@ -165,18 +155,8 @@ class LoopModel:
         D = np.zeros((ny, len(self.disturbances) + 1))
         D[:, -1] = self.residues[:, -2]
         driven = np.array([slot.input for slot in layout.slots], dtype=np.intp)
-        return ModalStep(
-            h,
-            driven,
-            parts.A[index, 0],
-            parts.B[index, 0, 0],
-            parts.B[index, 1, 0],
-            C,
-            D,
-            self.residues[:, -1].copy(),
-            rate,
-            drive,
-        )
+        A, B0, B1 = parts.A[index, 0], parts.B[index, 0, 0], parts.B[index, 1, 0]
+        return ModalStep(h, driven, A, B0, B1, C, D, self.residues[:, -1].copy(), rate, drive)
 
     def simulate(
         self,

@@ -23,13 +23,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.loop import kernels
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout, Ties
-from pinotwin.loop.responses import (
-    free_places,
-    free_response,
-    memory,
-    triangle,
-    without_free,
-)
+from pinotwin.loop.responses import free_places, free_response, memory, triangle, without_free
 from pinotwin.loop.sections import Discrete, discretise
 from pinotwin.loop.structure import Section
 

@@ -1,7 +1,6 @@
 """The search for the poles: bounded, deterministic, in logarithms, so that every point of it is stable.
 
-A Halton sequence over where servo loops live and a plain guess run on the liveliest piece of the log; the best ends
-are polished on all of it.
+Halton points over where servo loops live, and a plain guess, start on the liveliest piece; the best end on all data.
 """
 
 from __future__ import annotations

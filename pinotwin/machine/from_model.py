@@ -113,10 +113,7 @@ def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[An
 
 
 def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
-    """Return the machine with further effects, of every axis or by axis: names, mappings, classes, or effects.
-
-    One that an axis lists already, and may list once, stays as it is.
-    """
+    """Return the machine with further effects (names, mappings, classes, effects) of every axis, or by axis."""
     if isinstance(effects, str):
         raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
     each = dict(effects) if isinstance(effects, Mapping) else {}

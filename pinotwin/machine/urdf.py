@@ -98,10 +98,7 @@ def no_urdf_holds(model: pin.Model) -> bool:
 
 
 def impossible_bodies(model: pin.Model) -> dict[str, str]:
-    """Return the joints that move a body (a link with all that is fixed to it) which cannot exist, and what is wrong.
-
-    Principal moments of inertia are positive, none above the sum of the others, but for 1 % of rounding.
-    """
+    """Return the joints that move a body which cannot exist, with all that is fixed to it, and why; 1 % is rounding."""
     out = {}
     for joint in range(1, model.njoints):
         inertia = model.inertias[joint]
@@ -171,11 +168,8 @@ def _mesh_file(name: str, path: Path, meshes: Sequence[Path] = ()) -> Path | Non
 
 
 def with_inertias(path: Path, model: pin.Model) -> bytes:
-    """Return the URDF text with the moving links' inertials replaced by those of ``model``.
-
-    Comments and foreign tags stay. Pinocchio lumps children on fixed (or locked) joints into the moving link: that gets
-    the sum, the children lose their ``<inertial>``.
-    """
+    """Return the URDF text with the moving links' inertials replaced by those of ``model``; all else stays."""
+    # Pinocchio lumps children on fixed or locked joints into the moving link: it gets the sum, they lose theirs.
     root = read_tree(path)
     resolve_meshes(root, path)
     joint_above = {

@@ -1,7 +1,7 @@
-"""IMUs and repeats as one motion, weighted by information.
+"""IMUs and repeats as one motion, weighted by information: 1 / (s_r² + scatter²).
 
-The mean of n runs (thesis Eq. 6.11, Table 6-5) does not lower what each run has of its own, such as a scale error:
-weights are 1 / (s_r² + scatter²), the latter by moments (DerSimonian and Laird 1986, 10.1016/0197-2456(86)90046-2).
+A mean of n runs (thesis Eq. 6.11, Table 6-5) does not lower what each run has of its own, such as a scale error: the
+scatter, by moments (DerSimonian and Laird 1986, 10.1016/0197-2456(86)90046-2).
 """
 
 from __future__ import annotations

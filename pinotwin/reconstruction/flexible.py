@@ -1,7 +1,6 @@
-"""The flexible plant from servo logs and reconstructed vibrations (thesis Section 7.2).
+"""The flexible plant from servo logs and reconstructed vibrations (thesis Section 7.2), see docs/vibration.md.
 
-The spring's intervals are widened by the reconstruction's own uncertainty of the mode; what a friction law or a joint
-that is no linear spring adds to them stands in docs/vibration.md.
+The spring's intervals are widened by the reconstruction's own uncertainty of the mode.
 """
 
 from __future__ import annotations

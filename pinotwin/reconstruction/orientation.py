@@ -33,10 +33,8 @@ class Orientation:
 
 
 def orientation_of_log(log: Log, method: Method = "vqf", *, hole: float = 3.5) -> Orientation:
-    """Return the orientation over an IMU's log; LogError for a channel, clock or hole over 1 s that forbids it.
-
-    On an even clock samples are the sensor's own means; else they are interpolated: instantaneous rates.
-    """
+    """Return the orientation over an IMU's log; LogError for a channel, clock or hole over 1 s that forbids it."""
+    # On an even clock samples are the sensor's own means; else they are interpolated: instantaneous rates.
     run = imu_run(log)
     gaps = np.diff(run.t)
     step = float(np.median(gaps))

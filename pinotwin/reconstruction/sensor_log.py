@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinotwin.columns import IMU_SIGNALS
 from pinotwin.errors import LogError, nearest
 from pinotwin.imu.runs import ImuRun
 from pinotwin.log import Log
 from pinotwin.units import si_factor
 
-CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
-
 
 def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (5.0, 30.0)) -> ImuRun:
     """Return an IMU's log in SI, complete rows only; above ``fastest`` [rad/s], 4000 deg/s, its unit is wrong."""
-    for name in ("t", *CHANNELS):
+    for name in ("t", *IMU_SIGNALS):
         if name not in log:
             raise LogError(
                 f"{log.source}: no channel {name!r}; an IMU log has t, "
-                f"{', '.join(CHANNELS)} (rad/s and m/s²); {nearest(name, log.channels)}"
+                f"{', '.join(IMU_SIGNALS)} (rad/s and m/s²); {nearest(name, log.channels)}"
             )
-    x = np.stack([log[n] * si_factor(log.units.get(n, "1")) for n in ("t", *CHANNELS)], axis=1)
+    x = np.stack([log[n] * si_factor(log.units.get(n, "1")) for n in ("t", *IMU_SIGNALS)], axis=1)
     x = x[np.isfinite(x).all(axis=1)]
     if len(x) < 50:
         raise LogError(f"{log.source}: only {len(x)} rows hold numbers; record longer")

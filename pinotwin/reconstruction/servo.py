@@ -56,10 +56,8 @@ def pieces(
     bridged: float = 8.5,
     shortest: float = 5.0,
 ) -> list[Piece]:
-    """Return stretches of a bound log of ``shortest`` [s] or more, positions low-passed at ``cutoff`` [Hz].
-
-    The spline bridges ``bridged`` samples. The shortest holds some periods of 0.5 Hz, where the dynamic band begins.
-    """
+    """Return stretches of a bound log of ``shortest`` [s] or more, positions low-passed at ``cutoff`` [Hz]."""
+    # The spline bridges so many samples; the shortest holds some periods of 0.5 Hz, where the dynamic band begins.
     q = joint_positions(machine, log, "q")
     given = np.all([np.isfinite(log[f"{name}.q"]) for name in machine.axes], axis=0)
     rows = np.flatnonzero(given & np.isfinite(log.t))
@@ -114,10 +112,8 @@ def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoR
 
 
 def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e-3) -> Floats:
-    """Return minus the rigid-body torque at the joint, a column per base parameter above a share of ``least``, (n, k).
-
-    CAD inertias are 10 to 20 % off, so each column has its own gain, which its dynamic part fixes, and so the sag.
-    """
+    """Return minus the rigid-body torque at the joint, (n, k), a column for each base parameter above a share."""
+    # CAD inertias are 10 to 20 % off: each column has its own gain, which its dynamic part fixes, and so the sag.
     index = machine.passive[joint].index
     beta = machine.base.from_standard(dynamics.parameters(machine.model))
     row = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]

@@ -1,7 +1,6 @@
 """Which column of a log is which channel of a machine, with the reason for every guess.
 
-Names and units first (:mod:`.names`), then the numbers (:mod:`.evidence`): columns that follow each other, efforts that
-inertia and friction explain. What neither says is left open and listed.
+Names and units first (:mod:`.names`), then the numbers (:mod:`.evidence`); what neither says is left open and listed.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
 """Spectra, correlation, and the corner frequency that suits a recording.
 
-**The corner.** The noise of a measured position (quantisation, interpolation error) is nearly white; in acceleration
-it grows with ``f^4`` while motion dies out, so that the spectrum falls to a minimum and rises again. Where it has
-risen to twice that for good, there is no motion left: the corner an axis asks for. Of several the highest is taken,
-unless the noise let through exceeded 1 % of some axis' acceleration power: noise in a regressor biases its coefficient
-by that share (errors in variables), motion cut off costs only information. Nor does it exceed twice the frequency
-below which the widest axis has 99.99 % of its acceleration power (the filter passes 99.6 % there), unless that is above
-a fifth of the rate; 99 % of every axis' velocity power stays, for friction. The second difference keeps slow motion out
-of weak high frequencies, means over half octaves keep lines from being edges. The effort has no say: where it does not
-follow the acceleration it may follow the position (ripple of the gears), which a corner below would hide.
+**The corner.** The noise of a measured position is nearly white; in acceleration it grows with ``f^4`` while motion
+dies out, so that the spectrum falls to a minimum and rises again. Where it has risen to twice that for good, there is
+no motion left: the corner an axis asks for. Of several the highest is taken, unless the noise let through exceeded 1 %
+of some axis' acceleration power: that share biases a coefficient (errors in variables), motion cut off costs only
+information. Nor does it exceed twice the frequency below which the widest axis has 99.99 % of its acceleration power
+(the filter passes 99.6 % there), unless that is above a fifth of the rate; 99 % of every axis' velocity power stays,
+for friction. The second difference keeps slow motion out of weak high frequencies, means over half octaves keep lines
+from being edges. The effort has no say: it may follow the position (ripple of the gears), which a corner would hide.
 """
 
 from __future__ import annotations
@@ -68,10 +67,7 @@ def _without_trend(windows: Floats) -> Floats:
 def suggest_cutoff(
     q: Floats, rate: float, segments: Sequence[slice] | None = None, *, margin: float = 2.0
 ) -> float:
-    """Return the corner [Hz] for the acceleration of positions (n,) or (n, k), infinite where nothing needs one.
-
-    The rule is the module's; ``margin`` is the corner over the end of the motion's band, at most.
-    """
+    """Return the corner [Hz] for the acceleration of positions (n,) or (n, k), inf for none: the module's rule."""
     q = q[:, None] if q.ndim == 1 else q
     parts = [slice(0, len(q))] if segments is None else list(segments)
     parts = [p for p in parts if p.stop - p.start >= 34]

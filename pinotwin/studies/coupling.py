@@ -1,7 +1,7 @@
 """What coupling between axes is worth: one model of the machine against one per axis (Fig. 3-7).
 
-The decoupled model has each axis on its own: inertia and gravity as if the others stood still where they are on
-average, its own effects at the shapes of the coupled fit, and no term of another axis' motion.
+The latter has inertia and gravity as if the others stood still where they are on average, its own effects at the shapes
+of the coupled fit, and no term of another axis' motion.
 """
 
 from __future__ import annotations
@@ -37,11 +37,7 @@ HEADER = (
 
 
 def coupled_against_decoupled(
-    machine: Machine,
-    log: Log | Sequence[Log],
-    *,
-    axes: Sequence[str] = (),
-    decimate: int | None = None,
+    machine: Machine, log: Log | Sequence[Log], *, axes: Sequence[str] = (), decimate: int | None = None
 ) -> Study:
     """Fit a machine with and without the coupling between its axes; DataError where the log holds too little.
 

@@ -37,17 +37,11 @@ class Step:
 
 @dataclass(frozen=True, repr=False)
 class Improvement(Card):
-    """The best twin, and the steps that led to it.
+    """The best twin, and the steps that led to it."""
 
-    Attributes:
-        twin: the last one that was kept.
-        steps: all models, the machine as described first.
-        end: why there are no more.
-    """
-
-    twin: Twin
-    steps: Sequence[Step]
-    end: str
+    twin: Twin  # the last one that was kept
+    steps: Sequence[Step]  # all models, the machine as described first
+    end: str  # why there are no more
 
     def rows(self) -> list[list[str]]:
         """Return the cells of a table: step, error of the effort and of tracking on every axis, in per cent."""

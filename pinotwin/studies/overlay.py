@@ -22,12 +22,11 @@ from pinotwin.system.phrases import STUDIED
 from pinotwin.twin import Twin
 
 Against = Literal["velocity", "position"]
-FRICTION = tuple(
+FRICTION = tuple(  # Effects that are functions of the velocity of their axis
     name
     for name, e in EFFECTS.items()
     if e.family.name == "friction" and e.depends in ("velocity", "direction", "displacement")
 )
-"""Effects that are functions of the velocity of their axis."""
 RIPPLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.several)
 """Effects that are periodic in the position of their axis."""
 TABLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.held)

@@ -1,7 +1,7 @@
 """Where compiled functions are kept: the user's cache folder, so that one clone compiles for all.
 
-A file's name is made of byte code, constants and options of the function and of all it calls, types, numba and
-processor: an edit of a callee leaves no old function in use, and two processes that compile at once write the same.
+A file's name hashes byte code, constants and options of a function and all it calls, types, numba and processor: an
+edit of a callee leaves no old function in use, and two processes that compile at once write the same.
 """
 
 from __future__ import annotations

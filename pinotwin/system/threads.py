@@ -28,10 +28,7 @@ def one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def side_by_side(work: Callable[[Item], T], items: Sequence[Item]) -> Iterator[T]:
-    """Yield ``work`` of every item, in their order, on a thread for each core, for compiled loops that let others run.
-
-    Nothing is locked. An error of one item is raised in its turn; those that have not begun are dropped then.
-    """
+    """Yield ``work`` of every item, in their order, on a thread for each core: for compiled loops without the GIL."""
     threads = min(len(items), _cores())
     if threads < 2:
         yield from map(work, items)

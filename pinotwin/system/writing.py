@@ -1,8 +1,7 @@
-"""Files and folders that are written whole or not at all.
+"""Files and folders that are written whole or not at all, so that a full disk or a kill leaves what was there.
 
-A result is made beside its target, ``.<name>.<random>.part``, and renamed when complete: a full disk or a kill leaves
-what was there. Its maker holds a lock on it (``flock``, but on Windows), so that the next command of the same target
-can tell what a killed process left, and removes it.
+A result is made beside its target, ``.<name>.<random>.part``, and renamed when complete. Its maker holds a lock on it
+(``flock``, but on Windows), so that the next command of the same target can tell what a killed process left.
 """
 
 from __future__ import annotations
@@ -141,10 +140,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Path]:
-    """Yield a folder to fill; it takes the place of ``path`` only if nothing fails, else the earlier one is kept.
-
-    What else lies in the earlier one (own notes) is carried over, but for results that ``replaces`` names as patterns.
-    """
+    """Yield a folder that takes ``path``'s place if nothing fails; it keeps what is there but for ``replaces``."""
     check_folder(path)
     target = Path(path).resolve()
     with _made(target, folder=True) as part:

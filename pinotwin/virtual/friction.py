@@ -1,16 +1,12 @@
-"""Friction that sticks, as the plant feels it: LuGre, elasto-plastic and generalised Maxwell slip.
+"""Friction that sticks, as the plant feels it, of the level ``g = C (1 + (static - 1) exp(-(v/vs)^2))``.
 
 LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``, ``f = s0 z + s1 dz/dt``;
 exact over a step of constant ``v`` at any stiffness, the force being its mean.
-
 Elasto-plastic (Dupont et al. 2002, doi:10.1109/TAC.2002.1000274): ``dz/dt = v (1 - w z / z_s)``, z_s = g / s0; w is 0
 below the breakaway deflection 0.9 z_s and while the bristle is unloaded, and grows as half a sine to 1 at z_s.
-
 GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel springs, each of which slips from its share of
 ``g(v)`` until its speed turns round. Nothing creeps below breakaway, as it does with LuGre and with no machine. The
 force is 5 ms late: 3 to 9 ms were measured (Armstrong-Hélouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7).
-
-Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
 """
 
 from __future__ import annotations

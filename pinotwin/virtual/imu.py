@@ -62,15 +62,9 @@ def channels(reading: ImuReading) -> Mapping[str, Floats]:
 def record_imu(
     truth: SealedTruth, link: str, machine_seed: int, run_seed: int, number: int = 1, **clock: object
 ) -> Log:
-    """Return the log of a virtual IMU on a link of a virtual machine.
+    """Return the log of a virtual IMU on a link; the truth is sampled well above the sensor's 400 Hz.
 
-    Args:
-        truth: of a recording, sampled well above the sensor's 400 Hz.
-        link: the link that carries the sensor.
-        machine_seed: see :func:`sensor`.
-        run_seed: likewise.
-        number: which sensor.
-        clock: faults of its clock: ``drop``, ``holes``, ``restart``, ``jitter``.
+    Seeds and ``number`` are those of :func:`sensor`; ``clock``: its faults drop, holes, restart, jitter.
     """
     own = replace(
         sensor(machine_seed, number, run_seed, **clock), gravity=np.array(truth.model.gravity.linear)

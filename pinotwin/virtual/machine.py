@@ -114,15 +114,9 @@ class VirtualMachine:
     ) -> Recording:
         """Run the machine along a trajectory and return its log, with the truth kept apart.
 
-        The same trajectory with another seed is a repeat: fresh sensor noise, and friction that
-        scatters from run to run. ``noise=False`` leaves out all of that, and quantisation.
-
-        Args:
-            trajectory: command of every axis.
-            seed: of everything random in this run.
-            noise: whether sensors are noisy and friction scatters.
-            external: loads on links, in place of those in ``virtual.yaml``.
-            truth_rate: rate of the truth [Hz]; the log rate by default.
+        Another seed is a repeat: fresh sensor noise, and friction that scatters. ``noise=False`` leaves out all that,
+        and quantisation. ``external`` loads take the place of those in ``virtual.yaml``; the truth's rate [Hz] is the
+        log's where ``truth_rate`` is absent.
         """
         loads = self.truth.external if external is None else tuple(external)
         rate, true = self.truth.control_rate, self.true

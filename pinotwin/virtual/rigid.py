@@ -1,6 +1,4 @@
-"""Rigid-body dynamics of the virtual machines inside the compiled loop.
-
-    M(q) a + h(q, v) = tau + J^T f_ext
+"""Rigid-body dynamics of the virtual machines inside the compiled loop: M(q) a + h(q, v) = tau + J^T f_ext.
 
 ``h`` by recursive Newton-Euler, ``M`` by composite rigid bodies (Featherstone 2008, doi:10.1007/978-1-4899-7560-7,
 chapters 5 and 6), in world axes about the world's origin, where forces and inertias simply add. Pinocchio is as fast,

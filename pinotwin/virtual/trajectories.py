@@ -60,13 +60,8 @@ def random_trajectory(
 ) -> Trajectory:
     """Return random simultaneous point-to-point moves of random axes, each then with a dwell, as in a drilling cycle.
 
-    Args:
-        machine: whose axes and limits.
-        seconds: length [s].
-        seed: of the moves.
-        limits: other limits for some axes.
-        synchronised: share of steps in which all axes arrive together [-]; else each moves as fast as it can.
-        dwell: shortest and longest dwell [s].
+    Over so many ``seconds`` [s], some axes with other ``limits``. In the share ``synchronised`` of the steps [-] all
+    arrive together, else each moves as fast as it can; ``dwell``: shortest and longest [s].
     """
     rng = np.random.default_rng(seed)
     all_limits = {**machine.limits, **(limits or {})}

@@ -1,7 +1,7 @@
 """What every reader hands over, and how it becomes a ``Log``: numbers, vectors and matrices by dotted names.
 
-The clock is the longest dimension that holds most numbers: arrays of that length are channels (a matrix is split
-into ``name[0]``...), numbers and short vectors are scalars, everything else is left out with a note.
+The clock is the longest dimension that holds most numbers: arrays of that length are channels (a matrix column by
+column), numbers and short vectors are scalars, everything else is left out with a note.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Reading in a process of its own: what a damaged file does to a C library ends that, not the user's work.
+"""Reading in a process of its own, in limited time, and limited memory where the system tells of it (Linux).
 
-One wrong byte is a segmentation fault in SciPy's reader of MATLAB v5, and keeps the HDF5 library busy for ever, deaf
-to signals. So a new interpreter reads them, in limited time, and limited memory where the system tells of it (Linux).
+One wrong byte is a segmentation fault in SciPy's reader of MATLAB v5, and keeps the HDF5 library busy for ever.
 """
 
 from __future__ import annotations

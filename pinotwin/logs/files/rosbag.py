@@ -5,10 +5,8 @@
     Imu                                          gx gy gz ax ay az
     Wrench, WrenchStamped                        <frame>.wrench_fx _fy _fz _mx _my _mz
 
-Joint states and what belongs to them (commands, wrenches) go on one clock; everything else keeps the
-name of its topic and its own clock (``imu.t``), to be read by ``only=``. Messages are read one by one.
-A wrench is in the axes of its sensor, and may be of a frame that is no link; so it is no external load (world
-axes) before ``columns`` in machine.yaml says that it is.
+Joint states, commands and wrenches go on one clock; all else keeps its topic's name and clock (``imu.t``), to be read
+by ``only=``. A wrench is in its sensor's axes: no external load (world axes) before ``columns`` says that it is.
 """
 
 from __future__ import annotations
