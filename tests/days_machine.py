@@ -38,6 +38,10 @@ class Day:
     friction: dict[str, float] = field(default_factory=dict)  # axis -> factor
     kp: dict[str, float] = field(default_factory=dict)  # axis -> factor of the position gain
     motor: dict[str, float] = field(default_factory=dict)  # axis -> torque that an effort gives, over nominal
+    drift: dict[str, float] = field(
+        default_factory=dict
+    )  # axis -> rate of an effort from outside [N/s, N·m/s]
+    began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 
 
@@ -78,8 +82,9 @@ def run(day: Day) -> dict[str, np.ndarray]:
             c, s = math.cos(q[1]), math.sin(q[1])
             # tau_X = (M + m) x'' - m l (c p'' - s p'^2); tau_A = J p'' - m l c x'' + m g l s
             h = ARM * REACH
-            f0 = give[0] * u[0] - rub[0] - h * s * v[1] ** 2
-            f1 = give[1] * u[1] - rub[1] - h * GRAVITY * s
+            pull = [day.drift.get(k, 0.0) * (day.began + i / RATE) for k in "XA"]
+            f0 = give[0] * u[0] - rub[0] - pull[0] - h * s * v[1] ** 2
+            f1 = give[1] * u[1] - rub[1] - pull[1] - h * GRAVITY * s
             m00, m01, m11 = CARRIAGE + ARM, -h * c, INERTIA
             det = m00 * m11 - m01 * m01
             a0, a1 = (m11 * f0 - m01 * f1) / det, (m00 * f1 - m01 * f0) / det

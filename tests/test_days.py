@@ -9,7 +9,9 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.diagnosis.days.courses import onset
+from pinotwin.diagnosis.days.decision import Case
 from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import Cells, score
 from pinotwin.diagnosis.days.whitening import Whitening
 from tests.days_machine import Day, machine, write
@@ -31,8 +33,9 @@ def twin(folder: Path) -> pt.Twin:
 
 
 def _asked(folder: Path, twin: pt.Twin, name: str, **change: dict[str, float]) -> pt.Diagnosis:
-    logs = [str(write(folder, f"{name}_{k}", Day(command=30, noise=40 + k, **change))) for k in range(2)]
-    sealed = str(write(folder, f"{name}_v", Day(command=31, noise=45, **change)))
+    days = [Day(command=30, noise=40 + k, began=10.0 * k, **change) for k in range(2)]
+    logs = [str(write(folder, f"{name}_{k}", day)) for k, day in enumerate(days)]
+    sealed = str(write(folder, f"{name}_v", Day(command=31, noise=45, began=20.0, **change)))
     found = pt.diagnose(twin, logs, validate=sealed)
     assert invariants(found.to_dict()) == []
     return found
@@ -72,6 +75,37 @@ def test_a_motor_that_gives_less_is_an_effort_scale_and_no_change_of_the_control
     found = _asked(folder, twin, "motor", motor={"A": 0.8})
     assert [(e.effect, e.axis) for e in found.effects] == [("effort_scale", "A")]
     assert found.effects[0].size[0].after == pytest.approx(1.0 / 0.8 - 1.0, abs=0.03)
+
+
+def test_an_effort_that_grows_from_nothing_through_the_runs_is_a_drift(folder: Path, twin: pt.Twin) -> None:
+    found = _asked(folder, twin, "drift", drift={"X": 1.5})
+    assert [(e.effect, e.axis) for e in found.effects] == [("offset", "X")]
+    assert "grows through the runs" in found.sentence
+    size = found.effects[0].size[0]
+    assert size.after == pytest.approx(1.5 * 10.0, rel=0.15)
+
+
+def _pulses(what: str, score: float, spread: float, worth: float) -> Row:
+    return Row("cut", "X", "time", score, {}, 8.0, 1, 0.1, 0.01, 10.0, worth, [score], 1.0, spread, what=what)
+
+
+@pytest.mark.parametrize(
+    ("rows", "stand"),
+    [
+        ([_pulses("", 90.0, 12.0, 0.10)], 1),  # many small pulses
+        ([_pulses("", 90.0, 4.0, 0.10)], 0),  # few
+        ([_pulses("", 90.0, 4.0, 0.20)], 1),  # few, and twice the noise
+        (
+            [_pulses("", 90.0, 12.0, 0.10), _pulses("read", 200.0, 12.0, 0.10)],
+            0,
+        ),  # the law shows them as well
+        ([_pulses("", 90.0, 12.0, 0.10), _pulses("read", -50.0, 12.0, 0.10)], 2),  # the law does not
+    ],
+)
+def test_pulses_within_the_noise_of_the_effort_are_none_where_they_are_in_the_reading(
+    rows: list[Row], stand: int
+) -> None:
+    assert len(Case.of(rows, {}, {"X": 0.08}, 2, first=True).causes) == stand
 
 
 def test_a_late_command_is_a_fault_of_the_recording(folder: Path, twin: pt.Twin) -> None:

@@ -31,7 +31,7 @@ NAMES = {**EFFECT, "friction_at_start": "brake", "inertia": "inertial_coupling"}
 """Row -> name that the answers of cases use; others keep theirs."""
 STRICT = {
     "push": ("push",),
-    "cut": ("cut",),
+    "cut": ("cut", "push"),
     "tooth": ("tooth",),
     "snag": ("snag",),
     "cross": ("cross_friction",),

@@ -27,10 +27,13 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
     for axis, signal in off:
         g = found.gap[axis][signal]
         unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
-    before = [] if found.verdict == "none" else [found.sentence]
     verdict: Verdict = "partly_explained" if found.effects else "unexplained"
-    sentence = ". ".join(before if found.recording else [*before, *said])
-    return replace(found, verdict=verdict, sentence=sentence, unexplained=unexplained)
+    parts = [] if found.recording else said
+    if found.verdict == "none":  # that nothing was found stands first, and does not hold
+        told = [*parts, *found.sentence.split(". ")[1:]]
+    else:
+        told = [found.sentence, *parts]
+    return replace(found, verdict=verdict, sentence=". ".join(told), unexplained=unexplained)
 
 
 def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:

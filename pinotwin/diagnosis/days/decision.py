@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.mechanisms import GROUPS
+from pinotwin.diagnosis.days.mechanisms import GROUPS, READ
 from pinotwin.diagnosis.days.reference import SEVERAL
 from pinotwin.diagnosis.days.row import Row
 
@@ -71,12 +71,17 @@ class Case:
     ) -> Case:
         """Return the case of a question's rows.
 
-        What a validation log contradicts is no cause, nor are a few pulses within the noise of the effort [1].
+        What a validation log contradicts is no cause. Neither is what acts at instants or places, is no larger than
+        the noise of the effort, and is few pulses or is in the reading: at a constant speed the steps of an encoder,
+        sampled, come and go slowly (aliasing).
         """
+        best = {(r.name, r.axis): r for r in sorted(rows, key=lambda r: r.score)}
 
         def stands(r: Row) -> bool:
-            few = r.group in ("time", "place") and r.spread < 8.0
-            return not r.contradicted and (not few or r.worth >= 1.8 * noise.get(r.axis, 0.0))
+            if r.contradicted or r.group not in ("time", "place"):
+                return not r.contradicted
+            read = best[r.name, r.axis].what == READ
+            return r.worth >= 2.0 * noise.get(r.axis, 0.0) or not (read or r.spread < 8.0)
 
         causes = [r for r in rows if r.group != "describe" and stands(r)]
         return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)

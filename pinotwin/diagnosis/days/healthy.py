@@ -12,14 +12,11 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
 
 Shapes = Mapping[tuple[str, str], float]
-"""Axis and equation -> size of the causes found there, as a share of the effort."""
+"""Axis and equation -> how far the causes found there may be off in their direction, as a share of the effort."""
 
 
 def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str, Floats]:
-    """Return the columns of a healthy day of one axis, equation -> (n, m).
-
-    The direction of a cause that was found is known to a tenth of it: its rest is no second cause.
-    """
+    """Return the columns of a healthy day of one axis, equation -> (n, m); what a cause leaves is no second one."""
     c, w = s.axes[name], r.widths[name]
     out = {
         "plant": np.column_stack(
@@ -43,11 +40,11 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
     if name in r.twists and "gap" in c:
         soft = r.twist(c) * 0.05 * abs(r.twists[name][0])
         out["encoders"] = np.column_stack([c["one"], (c["q"] - c["q"].mean()) * 1e-5, soft])
-    unsure = 0.1 * found.get((name, "law"), 0.0)
+    unsure = found.get((name, "law"), 0.0)
     if unsure and "law" in out:
         terms = np.column_stack([c[k] for k in TERMS]) * r.laws[name].gains
         out["law"] = np.column_stack([out["law"], terms * unsure])
-    unsure = 0.1 * found.get((name, "plant"), 0.0)
+    unsure = found.get((name, "plant"), 0.0)
     if unsure:
         parts = np.column_stack([c["dry"], c["viscous"], c["rest"]])
         out["plant"] = np.column_stack([out["plant"], parts * unsure])

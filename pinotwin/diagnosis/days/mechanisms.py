@@ -118,7 +118,7 @@ def mechanisms(
         "coulomb": {"plant": part_of(c, "dry", size)},
         "viscous": {"plant": part_of(c, "viscous", size)},
         "offset": {"plant": c["one"] * size},
-        "drift": {"plant": (since + ramp - 1.0) * size},
+        "drift": {"plant": np.column_stack([c["one"], since + ramp]) * size},
         "inertia": {"plant": c["a"] * size / np.std(c["a"])},
         "drive_flexibility": {"plant": c["s"] * size / np.std(c["s"])},
         "effort_late": {"plant": -c["du"] * 1e-3},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -151,13 +151,20 @@ def _late(asked: Asked, name: str) -> list[Row]:
         each = [asked.r.residuals(_earlier(s, name, delay), [name])[name, "law"] for s in asked.q.logs]
         return float(sum(np.log(np.var(x)) for x in each))
 
-    best = float(min(delays, key=rest))
+    best = _best(delays, 0.0, rest)
     if not best:
         return []
     logs = [_earlier(s, name, best) for s in asked.q.logs]
     left = [asked.r.residuals(s, [name]) for s in logs]
     c = cells(asked.r, logs, left, name)
     return [_again(asked, "command_late", name, {name: c}, best, SETTINGS.number + 2.0)]
+
+
+def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> float:
+    """Return the number that leaves least; only where one beside the healthy one leaves less are all tried."""
+    at = int(np.argmin(np.abs(tried - healthy)))
+    near = float(min(tried[at - 1 : at + 2], key=rest))
+    return near if near == tried[at] else float(min(tried, key=rest))
 
 
 def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
@@ -184,7 +191,7 @@ def _clock(asked: Asked) -> list[Row]:
         each = [asked.r.residuals(_slower(asked.r, s, f)) for s in q.logs]
         return float(sum(np.log(np.var(x) + 1e-300) for row in each for x in row.values()))
 
-    best = float(min(factors, key=rest))
+    best = _best(factors, 1.0, rest)
     if best == 1.0:
         return []
     logs = [_slower(asked.r, s, best) for s in q.logs]

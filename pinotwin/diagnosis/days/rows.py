@@ -210,7 +210,10 @@ def _none() -> Ints:
 
 
 def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
-    """Return how large the causes are that were found, by axis and equation."""
+    """Return how far the causes that were found may be off, by axis and equation: a tenth of their size.
+
+    Of a body the gains of the controllers may follow all of it, for they are told what is carried.
+    """
     out: dict[tuple[str, str], float] = {}
     for f in found:
         for axis, each in f.acts.items():
@@ -220,7 +223,9 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
                     y = np.concatenate([combined(x[equation], f.numbers) for x in each])
                     u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
                     size = float(np.std(y) / max(float(np.std(u)), 1e-300))
-                out[axis, equation] = min(size, 1.0)
+                out[axis, equation] = 0.1 * min(size, 1.0)
+                if f.group == "body":
+                    out[axis, "law"] = min(size, 1.0)
     return out
 
 

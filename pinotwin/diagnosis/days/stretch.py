@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -67,8 +68,7 @@ class Stretch:
 
     def low(self, x: Floats) -> Floats:
         """Return columns (n,) or (n, k) of this clock after the low-pass."""
-        b, a = butter(3, min(2.0 * corner(1.0 / self.cycle) * self.step, 0.9))
-        return np.asarray(filtfilt(b, a, x, axis=0))
+        return np.asarray(filtfilt(*_low(min(2.0 * corner(1.0 / self.cycle) * self.step, 0.9)), x, axis=0))
 
     def taken(self, x: Floats) -> Floats:
         """Return columns of shape (m,) or (m, k) on the log's clock after the low-pass, on the rows that are kept."""
@@ -87,8 +87,13 @@ def corner(rate: float) -> float:
 
 def smooth(x: Floats, cycle: float) -> Floats:
     """Return columns (n,) or (n, k) sampled every ``cycle`` [s] after the low-pass."""
-    b, a = butter(3, 2.0 * corner(1.0 / cycle) * cycle)
-    return np.asarray(filtfilt(b, a, x, axis=0))
+    return np.asarray(filtfilt(*_low(2.0 * corner(1.0 / cycle) * cycle), x, axis=0))
+
+
+@cache
+def _low(share: float) -> tuple[Floats, Floats]:
+    """Return numerator and denominator of the low-pass with its corner at a share of half the rate."""
+    return butter(3, share)
 
 
 def stretches(
