@@ -83,8 +83,9 @@ kills: setup
 clean:
 	rm -rf $(VENV) build dist *.egg-info out
 
-# Writes site/index.html; needs no network.
+# Writes site/index.html; needs no network. The pages of the gallery take some minutes, once (out/gallery).
 docs: setup
 	$(BIN)/python docs/generate_effects.py
 	$(BIN)/python docs/generate_schema.py
+	$(BIN)/python docs/generate_gallery.py
 	$(BIN)/python -m mkdocs build --strict --quiet

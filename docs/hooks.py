@@ -15,6 +15,17 @@ from typing import Any
 HERE = Path(__file__).parent
 NOTEBOOKS = ("robot", "drive")
 """Of examples/, each a page ``notebook_NAME.md``."""
+GALLERY = HERE.parent / "out" / "gallery"
+PAGES = {
+    "twin/report.html": "identify",
+    "simulation.html": "simulate",
+    "found/report.html": "diagnose",
+    "found/machine.html": "diagnose, in 3-D",
+    "each/each.html": "diagnose --each",
+    "compared/compare.html": "compare",
+    "study/study.html": "study",
+}
+"""Page of the gallery (generate_gallery.py) -> the command that writes it."""
 
 
 def figures() -> dict[str, Any]:
@@ -69,16 +80,31 @@ def notebook_page(path: Path) -> str:
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the notebooks to the pages."""
+    """Add the notebooks to the pages, and the files of the gallery where they were made."""
     from mkdocs.structure.files import File
 
     for name in NOTEBOOKS:
         text = notebook_page(HERE.parent / "examples" / f"{name}.ipynb")
         files.append(File.generated(config, f"notebook_{name}.md", content=text))
+    for path in sorted(p for p in GALLERY.rglob("*") if p.is_file()):
+        name = f"gallery/{path.relative_to(GALLERY).as_posix()}"
+        files.append(File.generated(config, name, abs_src_path=str(path)))
     return files
+
+
+def gallery() -> str:
+    """Return every page of the gallery with a small view of it; a click opens it."""
+    shown = (
+        f'<figure><div><iframe src="gallery/{name}" loading="lazy" tabindex="-1"></iframe></div>'
+        f'<a href="gallery/{name}"><code>pinotwin {PAGES[name]}</code></a></figure>'
+        for name in PAGES
+        if (GALLERY / name).is_file()
+    )
+    return f'<div class="gallery">{"".join(shown)}</div>'
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put the figures in, and lead links to the notebooks to their pages."""
+    markdown = markdown.replace("[pages]", gallery())
     linked = re.sub(r"\]\(\.\./examples/(\w+)\.ipynb\)", r"](notebook_\1.md)", markdown)
     return filled(linked, figures())

@@ -69,6 +69,18 @@ def shown(unit: str, size: float) -> tuple[float, str]:
     return next((row[1:] for row in rows if abs(size) >= row[0]), rows[0][1:])
 
 
+def rounded(value: float, error: float) -> tuple[str, str]:
+    """Return value and error with two digits of the error: ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``."""
+    if not (math.isfinite(error) and error > 0.0):
+        return f"{value:.6g}", ""
+    exponent = math.floor(math.log10(max(abs(value), error)))
+    power = 0 if -4 <= exponent < 6 else exponent
+    places = min(max(1 + power - math.floor(math.log10(error)), 0), 12)
+    end = f"e{power:+03d}" if power else ""
+    first, second = (f"{x / 10.0**power:z.{places}f}{end}" for x in (value, error))
+    return first, second
+
+
 def in_log_unit(unit: str, rotary: bool, size: Mapping[str, Any]) -> tuple[str, float]:
     """Return a unit with N or N·m by the log's own (``unit`` in ``size``, if any), and how many of the old it is."""
     force = "N·m" if rotary else "N"

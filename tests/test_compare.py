@@ -145,7 +145,7 @@ def test_diagnoses_side_by_side(tmp_path, capsys):
     content = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert content["verdicts"] == {"a": "explained", "b": "none", "c": "none"}
     page = (tmp_path / "out" / "compare.html").read_text()
-    assert "51.2 -&gt; 297 N·s/m (90%)" in page
+    assert "51.2 -&gt; 297 N·s/m (90\u00a0%)" in page
     assert page.count(">agrees</span>") == 2
     assert "b.csv (1234b)" in page
     assert "Over time" in page
@@ -173,7 +173,7 @@ def test_a_controller_that_was_tuned_is_said_though_the_plant_is_as_it_was(tmp_p
         twins.append(tmp_path / str(seed))
     found = compare(*twins)
     assert found.moved == ()
-    assert "Controller: Y.Kv 15.18 -> 90.23 1/s (+494%); Y.ffv" in found.sentence
+    assert "Controller: Y.Kv 15.179 ± 0.076 → 90.2 ± 2.7 1/s (+494%); Y.ffv" in found.sentence
     row = found.to_dict()["controller"][0]
     values = [row["values"][label]["value"] for label in found.labels]
     assert values == pytest.approx([17.0 / 1.12, 12.0 / 0.133])

@@ -93,7 +93,7 @@ def test_a_log_brings_plots_that_add_up(folder):
         known = np.isfinite(gap)
         assert known.mean() > 0.95
         np.testing.assert_allclose((measured - model)[known], gap[known], atol=2e-4 * np.abs(measured).max())
-        error = np.array(series["error"][0]["y"], float) / (1e3 if axis["unit"] == "°" else 1e6)
+        error = np.array(series["error"][0]["y"], float) / (np.rad2deg(1e3) if axis["unit"] == "°" else 1e6)
         q, qr = (np.array(frames[k])[:, axis["column"]] for k in ("q", "qr"))
         np.testing.assert_allclose(qr - q, error, atol=1e-6)
 

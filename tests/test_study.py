@@ -47,7 +47,7 @@ def test_all_studies_of_a_drive(tmp_path: Path, log: Path, capsys: pytest.Captur
     assert sum(shares) == pytest.approx(1.0)
     assert set(json.loads((tmp_path / "x.json").read_text())["tables"]) == {p.name for p in out.glob("*.csv")}
     said = capsys.readouterr().out
-    assert "without_X.csv: without coulomb the RMS error grows from " in said
+    assert "without_X.csv: without dry friction the RMS error grows from " in said
     assert "of the tracking error comes from " in said
     assert "studies written to" in said
 

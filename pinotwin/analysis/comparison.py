@@ -30,7 +30,7 @@ from pinotwin.simulation import simulate
 from pinotwin.system.writing import as_path, whole_folder, write_json
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
-from pinotwin.units import in_log_unit
+from pinotwin.units import in_log_unit, rounded
 
 Z90 = 1.6449  # Half width of a 90 % interval in standard errors
 
@@ -59,10 +59,11 @@ class Row:
 
     @property
     def words(self) -> str:
-        """From what to what it moved."""
+        """From what to what it moved, with 90 % intervals."""
         before, after = self.values[0], self.values[-1]
         share = f" ({after / before - 1.0:+.0%})" if before else ""
-        return f"{self.name} {before:.4g} -> {after:.4g} {self.unit}{share}"
+        first, *_, last = map(with_interval, self.values, self.errors)
+        return f"{self.name} {first} → {last} {self.unit}".strip() + share
 
     def as_dict(self, labels: Sequence[str]) -> dict[str, Any]:
         """Return the row for JSON."""
@@ -82,6 +83,11 @@ class Row:
             "moved": self.moved,
         }
         return plain(row)  # type: ignore[no-any-return]
+
+
+def with_interval(x: float, error: float) -> str:
+    """Return a number, any unit, and half its 90 % interval, by its standard error."""
+    return " ± ".join(filter(None, rounded(x, Z90 * error)))
 
 
 class Compared(Drawn):
@@ -143,8 +149,8 @@ class Comparison(Compared):
         told = f" Controller: {drives}." if drives else ""
         if not self.moved:
             return f"None of {asked} parameters moved beyond chance.{told}"
-        named = "; ".join(row.words for row in self.moved[:4])
-        more = f"; and {len(self.moved) - 4} more" if len(self.moved) > 4 else ""
+        named = "; ".join(row.words for row in self.moved[:3])
+        more = f"; and {len(self.moved) - 3} more" if len(self.moved) > 3 else ""
         return f"{len(self.moved)} of {asked} parameters moved: {named}{more}.{told}"
 
     def _shown(self) -> Shown:

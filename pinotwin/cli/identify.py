@@ -19,6 +19,7 @@ from pinotwin.system.writing import whole_folder, write_text
 if TYPE_CHECKING:
     from pinotwin.log import Log
     from pinotwin.machine import Machine
+    from pinotwin.studies.improvement import Improvement
     from pinotwin.twin import Twin
 
 
@@ -88,15 +89,21 @@ def _preparation(cutoff: float | None, decimate: int | None, resample: float | N
 
 
 def save_twin(
-    twin: Twin, fitted: Sequence[Log], held: Sequence[Log], how: Mapping[str, Any], out: str
+    twin: Twin,
+    fitted: Sequence[Log],
+    held: Sequence[Log],
+    how: Mapping[str, Any],
+    out: str,
+    found: Improvement | None = None,
 ) -> dict[str, Any]:
-    """Write a twin and its page, and return the content of twin.json."""
-    from pinotwin.report import identification_report
+    """Write a twin and its page, and return the content of twin.json; ``found``: the steps that led to it."""
+    from pinotwin.report.identification import identification_report, steps_blocks
     from pinotwin.twin.files import write_twin
 
     with whole_folder(out) as folder:
         content = write_twin(twin, folder)
-        write_text(folder / "report.html", identification_report(twin, fitted, held, how))
+        steps = steps_blocks(found) if found else ()
+        write_text(folder / "report.html", identification_report(twin, fitted, held, how, steps))
     return content
 
 

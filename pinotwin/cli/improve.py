@@ -12,6 +12,7 @@ from pinotwin.cli.inputs import check_there, read_logs
 from pinotwin.cli.output import columns
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
+from pinotwin.system.phrases import IMPROVED
 from pinotwin.system.stamps import made
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def run(
     began = time.monotonic()
     with progress() as report:
         found = improve(believed, fitted, validate=held, seed=seed, most=most, report=report)
-        save_twin(found.twin, fitted, held, made(began, most=most, seed=seed), out)
+        save_twin(found.twin, fitted, held, made(began, most=most, seed=seed), out, found)
     lines = [*steps(found), "", *summary(found.twin), f"twin and report written to {out}"]
     return Answer(lines, found.to_dict())
 
@@ -52,7 +53,7 @@ def run(
 def steps(found: Improvement) -> list[str]:
     """Return the table of the steps, what each added, and why there are no more."""
     lines = columns(found.head(), found.rows())
-    lines.append("u effort along the measured motion, e tracking error from the command: RMS error / RMS")
+    lines.append(IMPROVED["errors"])
     for k, step in enumerate(found.steps):
         lines += [f"step {k}: {text}" for text in step.added]
     return [*lines, f"end: {found.end}"]

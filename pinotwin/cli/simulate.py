@@ -75,11 +75,5 @@ def summary(rows: Any) -> list[str]:
     return [*columns(head, cells), "e tracking error, u effort: RMS error / RMS measured"]
 
 
-SHOWN = (  # signal and error of each column of the table
-    ("e", "nrmse"),
-    ("u", "nrmse"),
-    ("u", "nrmse_std"),
-    ("e", "moving"),
-    ("u", "moving"),
-    ("u", "resting"),
-)
+SHOWN = [x.split() for x in ("e nrmse", "u nrmse", "u nrmse_std", "e moving", "u moving", "u resting")]
+"""Signal and error of each column of the table."""

@@ -9,13 +9,4 @@ from pinotwin.report.diagnosis import diagnosis_report as diagnosis_report
 from pinotwin.report.identification import identification_report as identification_report
 from pinotwin.report.page import Page as Page
 
-__all__ = [
-    "Block",
-    "Group",
-    "Html",
-    "Page",
-    "Plot",
-    "Tabs",
-    "diagnosis_report",
-    "identification_report",
-]
+__all__ = ["Block", "Group", "Html", "Page", "Plot", "Tabs", "diagnosis_report", "identification_report"]

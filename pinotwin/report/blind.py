@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from scipy.stats import binomtest
 
 from pinotwin.report.blocks import Tile, tiles
-from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, points, style
+from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, look, points, style
 from pinotwin.report.page import Page
 
 STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}
@@ -31,18 +31,18 @@ def bench_page(d: Mapping[str, Any]) -> Page:
     found = d["calibration"]
     rows = {r["name"]: r for r in d["scores"]}
     large = []
-    for row in map(rows.__getitem__, FIRST):
+    for row in (rows[name] for name in FIRST if rows[name]["value"] is not None):
         below = f"{row['counts']}; must {row['must']}"
         large.append(Tile(row["name"], row["figure"], below, *STATES.get(row["state"], ("", ""))))
     given = {
         "headline": _headline(d),
         "tiles_": tiles(large),
-        "scores": d["scores"],
+        "scores": [r for r in d["scores"] if r["value"] is not None],
         "states": STATES,
         "confusion": matrix_figure(d["confusion"]) if d["confusion"] else None,
         "calibration": found,
         "reliability": calibration_figure(found["bins"]) if found else None,
-        "rho": rho_figure(d["answers"]),
+        "rho": rho_figure(d["answers"]) if any(map(_single, d["answers"])) else None,
         "errors": [f"case {x['case']}: {x['error']}" for x in d["errors"]],
     }
     said = f"{len(d['answers'])} of {d['planned']} cases: {kinds} · {', '.join(d['machines'])}"
@@ -72,24 +72,8 @@ def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
     z = np.array([[matrix[r].get(c, 0.0) for c in columns] for r in rows], dtype=float)
     share = z / np.maximum(z.sum(axis=1, keepdims=True), 1e-12)
     text = [[f"{v:.0f}" if v else "" for v in row] for row in z]
-    figure = go.Figure(
-        go.Heatmap(
-            x=columns,
-            y=rows,
-            z=np.where(z > 0.0, share, np.nan),
-            text=text,
-            texttemplate="%{text}",
-            textfont={"color": "#1b1f24", "size": 12},
-            xgap=2,
-            ygap=2,
-            zmin=0.0,
-            zmax=1.0,
-            hoverongaps=False,
-            showscale=False,
-            colorscale=[[0.0, "#fdf0d5"], [0.5, "#8fc1c5"], [1.0, "#2fa6a0"]],
-            hovertemplate="%{y} → %{x}: %{z:.0%}<extra></extra>",
-        )
-    )
+    z = np.where(z > 0.0, share, np.nan)
+    figure = go.Figure(go.Heatmap(x=columns, y=rows, z=z, text=text, **look()["matrix"]))
     style(figure, 130 + 24 * len(rows), legend=False)
     figure.update_xaxes(side="top", showgrid=False, tickangle=-50, type="category")
     figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
@@ -113,7 +97,7 @@ def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:
 
 def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
     """Return every single case: rho against effect, right or wrong."""
-    single = [a for a in answers if a["kind"] == "single" and a["sizes"]]
+    single = [*filter(_single, answers)]
     names = sorted({a["truth"][0][0] for a in single})
     figure = go.Figure()
     kinds = (("named right", ACCENT, True), ("not", RESIDUAL, False))
@@ -128,6 +112,10 @@ def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
     figure.update_xaxes(type="log", title_text="rho: power of the residual over that of the noise")
     figure.add_vline(x=0.1, line={"color": MEASURED, "width": 1, "dash": "dot"})
     return figure.update_yaxes(categoryorder="array", categoryarray=names[::-1], type="category")
+
+
+def _single(a: Mapping[str, Any]) -> bool:
+    return a["kind"] == "single" and bool(a["sizes"])
 
 
 def _said(a: Mapping[str, Any]) -> str:

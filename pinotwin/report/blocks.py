@@ -39,8 +39,8 @@ class Plot:
 
     @property
     def data(self) -> str:
-        """The figure as JSON; "</" would end the script element that holds it."""
-        return str(self.figure.to_json(validate=False)).replace("\\u002f", "/").replace("</", "<\\/")
+        """The figure as JSON."""
+        return str(self.figure.to_json(validate=False)).replace("\\u002f", "/")
 
     @property
     def height(self) -> int:
@@ -90,8 +90,9 @@ def templates() -> Environment:
     pieces = (paragraph, heading, notes, bullets, chip, tiles, table)
     numbers = (display.percent, display.number, display.seconds, display.elided)
     made.globals |= {f.__name__: f for f in (*pieces, *numbers)}
-    # No line breaks between a number and its sign.
-    made.filters["unbroken"] = lambda text: re.sub(r"(?<=\d) %", "\u00a0%", text)
+    # Every per cent sign stands apart from its number; no line breaks there, or after a sign of order.
+    apart = re.compile(r"(?<=\d) ?(?=%(?!\w))|(?<=[≤≥]) ")
+    made.finalize = lambda x: apart.sub("\u00a0", x) if type(x) is str else x
     made.filters["each"] = lambda form, values: ", ".join(form % x for x in values)
     return made
 

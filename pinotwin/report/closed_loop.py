@@ -169,5 +169,4 @@ _SERVO = {
     "dead": "dead time",
     "kp + rate": "kp + 1/ti",
     "kp * rate": "kp / ti",
-    "kd + ffv": "kd + ffv",
 }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title
+from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title, with_interval
 from pinotwin.analysis.diagnoses import Diagnoses
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
@@ -17,7 +17,6 @@ from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
 from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, chip, macro, table, tiles
 from pinotwin.report.display import SI, Scale, scale_of
-from pinotwin.report.display import rounded as with_error
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
 from pinotwin.report.page import Page
 from pinotwin.system.phrases import SIGNALS
@@ -83,10 +82,7 @@ def in_pairs(plots: Sequence[Plot]) -> list[Block]:
 
 
 def over_labels(
-    labels: Sequence[str],
-    y: Sequence[float | None],
-    colour: str,
-    ends: tuple[Floats, Floats] | None = None,
+    labels: Sequence[str], y: Sequence[float | None], colour: str, ends: tuple[Floats, Floats] | None = None
 ) -> go.Figure:
     """Return values from one twin, diagnosis or log to the next, as a line through marks with bars (n,) up and down."""
     marks = points(list(labels), list(y), "", colour, ends)
@@ -146,14 +142,13 @@ def effort_grade(row: Mapping[str, Any]) -> str:
 
 
 def _tiles(found: Comparison) -> Html:
-    out = [
-        Tile(
-            effect_title(key),
-            key.split(".")[0] if "." in key else "machine",
-            f"{count} parameter{'s' if count > 1 else ''} moved",
-        )
-        for key, _, count in found.causes[:4]
-    ]
+    """Return the change of each effect's most significant parameter in large print."""
+    out = []
+    for key, title, count in found.causes[:4]:
+        row, (axis, dot, _) = next(row for row in found.moved if row.effect == key), key.partition(".")
+        change = _share(row).strip(" ()") or f"{row.change:+.3g} {row.unit}"
+        more = f" and {count - 1} more" if count > 1 else ""
+        out.append(Tile(f"{title} on {axis}" if dot else title, change, f"{row.name}{more}"))
     return tiles(out or [Tile("Parameters", "none moved", "differences are within what chance explains")])
 
 
@@ -193,7 +188,7 @@ def _table(found: Comparison, rows: Sequence[Row]) -> Html:
 def _value(x: float, error: float) -> str:
     if np.isinf(x):
         return "no following error"
-    return " ± ".join(with_error(x, Z90 * error)) if np.isfinite(x) else "not determined"
+    return with_interval(x, error) if np.isfinite(x) else "not determined"
 
 
 def _share(row: Row) -> str:

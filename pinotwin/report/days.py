@@ -16,7 +16,7 @@ from pinotwin.report.blocks import Html, Plot, chip, macro, paragraph, table
 from pinotwin.report.comparison import in_pairs, over_labels, sizes_of
 from pinotwin.report.figures import effect_colour
 from pinotwin.report.page import Page
-from pinotwin.system.phrases import DAYS, LACKING_DAYS, STATES, joined
+from pinotwin.system.phrases import DAYS, LACKING_DAYS, STATES, capital, joined
 
 Row = Mapping[str, Any]
 Key = tuple[str, str]  # effect and axis of a cause, "" for the machine's own
@@ -70,7 +70,7 @@ def _since(rows: Sequence[Row], key: Key) -> str:
     has = [_named(row, key) is not None for row in rows]
     first, last = has.index(True), len(has) - 1 - has[::-1].index(True)
     what, form = _cause(_named(rows[last], key) or {}), "since" if all(has[first:]) else "some"
-    given = {"what": f"{what[:1].upper()}{what[1:]}", "log": _name(rows[first])}
+    given = {"what": capital(what), "log": _name(rows[first])}
     return DAYS[form].format(**given, count=sum(has), logs=len(has))
 
 

@@ -14,31 +14,18 @@ from pinotwin.diagnosis.conclusion.sizes import (
 )
 from pinotwin.diagnosis.conclusion.where import telling
 from pinotwin.diagnosis.grade import printed
-from pinotwin.diagnosis.phrases import (
-    explanation,
-    label_words,
-    on_axis,
-    plain_sentence,
-    region_words,
-    remedy,
-)
+from pinotwin.diagnosis.phrases import explanation, label_words, on_axis, plain_sentence, region_words, remedy
 from pinotwin.diagnosis.result import Diagnosis, Found, Region
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tabs, macro, table
 from pinotwin.report.diagnosis_evidence import evidence_panels, machine_block
 from pinotwin.report.diagnosis_plots import density, signal_name
-from pinotwin.report.diagnosis_verdict import (
-    axis_cards,
-    headline,
-    named_data,
-    rotary_axes,
-    states,
-)
+from pinotwin.report.diagnosis_verdict import axis_cards, headline, named_data, rotary_axes, states
 from pinotwin.report.display import scale_of
 from pinotwin.report.first_screen import how_sure, picture, what_now, which_data
 from pinotwin.report.page import Page
-from pinotwin.system.phrases import KINDS, MEANING, SIGNALS, joined
+from pinotwin.system.phrases import KINDS, MEANING, SIGNALS, capital, joined
 
 COMPARED = {
     "structure": "log against the machine's model, fitted to it",
@@ -58,8 +45,8 @@ def diagnosis_report(
     panels = evidence_panels(d, logs)
     grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
     names = [*((str(x["fault"]), x["axis"]) for x in d.recording), *((e.effect, e.axis) for e in d.effects)]
-    remedies = [f"{_capital(on_axis(*name))}: {text}." for name in names if (text := remedy(name[0]))]
-    advice = [f"{_capital(plain_sentence(text))}." for text in d.advice]
+    remedies = [f"{capital(on_axis(*name))}: {text}." for name in names if (text := remedy(name[0]))]
+    advice = [f"{capital(plain_sentence(text))}." for text in d.advice]
     content = {
         "lines": headline(d),
         "states": states(d),
@@ -75,7 +62,6 @@ def diagnosis_report(
         "grades": {printed(word).capitalize(): MEANING[word] for word in grades},
         "tracking": any("e" in row for row in d.gap.values()),
         "warnings": [plain_sentence(str(w)) for w in d.warnings],
-        "warned": [_capital(w) for w in d.warnings],
         "where": _where(d),
         "signal_name": signal_name,
         "region_words": region_words,
@@ -93,15 +79,7 @@ def diagnosis_report(
         "commands": ", ".join(d.commands),
     }
     title = f"{d.machine or 'Machine'}: diagnosis"
-    page = Page(
-        title,
-        COMPARED.get(d.situation, ""),
-        template="diagnosis",
-        given=content,
-        files=files,
-        made=d.provenance,
-    )
-    return page.html()
+    return Page(title, COMPARED.get(d.situation, ""), (), "diagnosis", content, files, d.provenance).html()
 
 
 def _changes(d: Diagnosis) -> Html | str:
@@ -174,7 +152,3 @@ def _interval(span: tuple[float, float]) -> str:
         if low != high:
             return f"{low} to {high} %"
     return "–"  # its ends are one: none was found
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -64,18 +64,6 @@ def percent(x: float) -> str:
     return f"{p:.1f} %" if p >= 0.95 else f"{p:.2g} %"
 
 
-def rounded(value: float, error: float) -> tuple[str, str]:
-    """Return value and error with two digits of the error: ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``."""
-    if not (math.isfinite(error) and error > 0.0):
-        return f"{value:.6g}", ""
-    exponent = math.floor(math.log10(max(abs(value), error)))
-    power = 0 if -4 <= exponent < 6 else exponent
-    places = min(max(1 + power - math.floor(math.log10(error)), 0), 12)
-    end = f"e{power:+03d}" if power else ""
-    first, second = (f"{x / 10.0**power:z.{places}f}{end}" for x in (value, error))
-    return first, second
-
-
 def number(x: float, unit: str = "") -> str:
     """Return a number with three significant digits and its unit."""
     if not math.isfinite(x):

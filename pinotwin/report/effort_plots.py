@@ -31,7 +31,7 @@ def effort_figure(given: Evidence) -> go.Figure:
     """Return measured and predicted effort with the residual below, all axes on one time axis."""
     count = len(given.measured)
     panels = [panel for j in given.measured for panel in _effort_pair(given, j)]
-    points = max(900 // max(count // 2, 1), 400)
+    points = max(700 // max(count // 2, 1), 400)
     return over_time(given.t, panels, 70 + 285 * count, block=given.block, points=points)
 
 

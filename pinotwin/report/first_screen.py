@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.grade import OPEN, left_anyway
 from pinotwin.diagnosis.phrases import label_words, on_axis
 from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
@@ -86,11 +87,8 @@ def which_data(d: Diagnosis) -> str:
 
 def _names(rows: Sequence[dict[str, object]], most: int = 3) -> str:
     names = [Path(str(row.get("source", ""))).name for row in rows]
-    return (
-        joined([*names[:most], *([f"{len(names) - most} more"] if len(names) > most else [])])
-        if names
-        else ""
-    )
+    more = [f"{len(names) - most} more"] if len(names) > most else []
+    return joined([*names[:most], *more]) if names else ""
 
 
 def what_now(d: Diagnosis, remedies: Sequence[str], advice: Sequence[str]) -> list[str]:
@@ -140,18 +138,23 @@ def _picture(d: Diagnosis, given: Traces) -> Plot | None:
     lines = [Line("measured", whole, MEASURED, 2.6, t=motion.t[at]), *predicted]
     scale, small = scale_of("u", turns, measured), scale_of("u", turns, residuals[0].y)
     quiet = [Line(x.name, x.y, x.colour, legend=False) for x in residuals]
-    block = np.r_[0, np.cumsum(np.diff(t) > 3.0 * float(np.median(np.diff(given.t))))].astype(np.intp)
-    figure = over_time(
-        t, [Panel("effort", lines, scale, 2), Panel("residual", quiet, small)], 330, block=block
-    )
+    panels = [Panel("effort", lines, scale, 1.5), Panel("residual", quiet, small)]
+    figure = over_time(t, panels, 330, block=_blocks(given.t)[rows])
     log = Path(d.prepared[given.log].log.source).name
     stretch = SCREEN["stretch"].format(start=t[0], end=t[-1], log=log)
     return Plot(figure, SCREEN["picture"].format(axis=given.axis), stretch)
 
 
 def loudest(given: Traces) -> slice:
-    """Return the rows of the stretch, a tenth of all, whose squared residual is largest."""
+    """Return the rows of the stretch, a tenth of all, whose squared residual is largest; unbroken, if there is one."""
     width = max(len(given.t) // 10, min(len(given.t), 50))
-    power = np.r_[0.0, np.cumsum(given.before**2)]
-    start = int(np.argmax(power[width:] - power[:-width]))
+    power, block = np.r_[0.0, np.cumsum(given.before**2)], _blocks(given.t)
+    broken = block[width - 1 :] != block[: len(block) - width + 1]
+    start = int(np.argmax((power[width:] - power[:-width]) * np.where(broken & ~broken.all(), 0.0, 1.0)))
     return slice(start, start + width)
+
+
+def _blocks(t: Floats) -> Ints:
+    """Return the number of the unbroken stretch in which each row of t [s] (m,) lies."""
+    step = np.diff(t)
+    return np.r_[0, np.cumsum(step > 3.0 * float(np.median(step)))].astype(np.intp)

@@ -11,10 +11,11 @@ from pinotwin.analysis.modal import modes
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.report.closed_loop_plots import response_panel
-from pinotwin.report.display import DEGREES, percent, rounded
+from pinotwin.report.display import DEGREES, percent
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import compare, wide_loops
 from pinotwin.twin import Twin
+from pinotwin.units import rounded
 
 
 def flexible_content(twin: Twin, log: Log, black: Log) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, macro, table, tiles
+from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, bullets, macro, paragraph, table, tiles
 from pinotwin.report.closed_loop import closed_loop_content
 from pinotwin.report.effort_plots import (
     breakdown_figure,
@@ -24,7 +24,9 @@ from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, bodies, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
+from pinotwin.studies.improvement import Improvement, ratio
 from pinotwin.studies.overlay import KINDS, effect_keys_of, explained, overlay
+from pinotwin.system.phrases import IMPROVED, joined
 from pinotwin.twin import Twin
 
 
@@ -33,13 +35,18 @@ def identification_report(
     logs: Log | Sequence[Log],
     validate: Sequence[Log] = (),
     made: Mapping[str, Any] | None = None,
+    steps: Sequence[Block] = (),
 ) -> str:
-    """Return a self-contained HTML page about an identified machine; DataError where no row can be compared."""
+    """Return a self-contained HTML page about an identified machine; DataError where no row can be compared.
+
+    ``steps``: how the model was found, to stand first, see :func:`steps_blocks`.
+    """
     given, fitted = evidence(twin, logs), [logs] if isinstance(logs, Log) else list(logs)
     split, first = split_rigid_body(twin, given), [*validate, *fitted][0]
     tied, (head, weights, price) = {name for group in twin.groups for name in group}, bodies(twin)
     content = {
         "headline": headline(twin),
+        "steps": steps,
         "tiles_": tiles(axis_tiles(twin)),
         "cautions": cautions(twin),
         "validation": effort_figure(evidence(twin, validate)) if validate else None,
@@ -64,6 +71,20 @@ def identification_report(
     facts = made_of(twin.machine, used, **(made or {}))
     title = f"{twin.machine.name}: identification"
     return Page(title, _subtitle(given), template="identification", given=content, made=facts).html()
+
+
+def steps_blocks(found: Improvement) -> list[Block]:
+    """Return what `improve` added to a model, with the errors on the sealed logs after every step."""
+    kept = [step for step in found.steps if step.kept]
+    added = [text for step in kept for text in step.added]
+    falls = ratio(found.steps[0].errors, kept[-1].errors)
+    said = IMPROVED["added" if added else "none"].format(
+        added=joined(added or [""]), ratio=falls, end=found.end
+    )
+    lines = [f"Step {k}: {text}." for k, step in enumerate(found.steps) for text in step.added]
+    lines += [f"End: {found.end}."] if added else []
+    rows = table(found.head(), found.rows(), numeric=range(1, len(found.head())))
+    return [paragraph(said, "verdict"), rows, paragraph(IMPROVED["errors"], "lead"), bullets(lines)]
 
 
 def _days(twin: Twin) -> Html | None:

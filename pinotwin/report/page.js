@@ -3,6 +3,7 @@ const css = name => getComputedStyle(document.documentElement).getPropertyValue(
 /* A colour written as var(--name) in a figure follows the theme. */
 function themed(value) {
   if (Array.isArray(value)) return value.map(themed);
+  if (ArrayBuffer.isView(value)) return value;
   if (value && typeof value === "object") {
     const out = {};
     for (const key in value) out[key] = themed(value[key]);
@@ -12,12 +13,23 @@ function themed(value) {
   return value;
 }
 
-/* An array that stands in several traces is on the page once. */
-const arrays = (document.getElementById("arrays") || {textContent: ""}).textContent.split(" ");
-const whole = (key, value) => key === "bdata" && value[0] === "@" ? arrays[value.slice(1)] : value;
+let figures = [];
+
+/* Before the text of the figures stand their arrays, all first bytes of one, then all second bytes, and so on. */
+function unpacked(element) {
+  const bytes = content(element), from = Number(element.dataset.text);
+  const whole = (_, value) => {
+    if (!value || typeof value.bdata !== "string" || value.bdata[0] !== "@") return value;
+    const [at, size] = value.bdata.slice(1).split(" ").map(Number);
+    const out = new Uint8Array(size), count = size / 4;
+    for (let k = 0; k < size; k++) out[4 * (k % count) + Math.floor(k / count)] = bytes[at + k];
+    return new (value.dtype === "f8" ? Float64Array : Float32Array)(out.buffer);
+  };
+  return JSON.parse(new TextDecoder().decode(bytes.subarray(from)), whole);
+}
 
 function draw(box) {
-  const figure = JSON.parse(document.getElementById(box.dataset.figure).textContent, whole);
+  const figure = figures[box.dataset.figure];
   const layout = themed(figure.layout);
   for (const key in layout) if (/^[xy]axis/.test(key)) {
     Object.assign(layout[key], {gridcolor: css("--grid"), zerolinecolor: css("--line"),
@@ -191,13 +203,18 @@ function inflate(bytes, size) {
   return out;
 }
 
+/* What an element of the page holds packed. */
+function content(element) {
+  const bytes = Uint8Array.from(atob(element.textContent.trim()), x => x.charCodeAt(0));
+  return inflate(bytes, Number(element.dataset.size));
+}
+
 function start() {
   const packed = document.getElementById("plotly-packed");
   if (!packed) return;
-  const text = atob(packed.textContent.trim()), bytes = new Uint8Array(text.length);
-  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
+  figures = unpacked(document.getElementById("figures-packed"));
   const script = document.createElement("script");
-  script.textContent = new TextDecoder().decode(inflate(bytes, Number(packed.dataset.size)));
+  script.textContent = new TextDecoder().decode(content(packed));
   document.head.appendChild(script);
   everyPlot(box => {
     if (box.offsetParent && box.getBoundingClientRect().top < innerHeight) draw(box);

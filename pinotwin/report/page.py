@@ -12,12 +12,13 @@ import base64
 import json
 import re
 import zlib
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Self
 from urllib.parse import quote
+
+import numpy as np
 
 from pinotwin.report.blocks import Block, Html, Plot, macro, paragraph, table, templates
 from pinotwin.system.templates import asset
@@ -57,13 +58,7 @@ class Page:
     def html(self) -> str:
         """Return the page as one text."""
         writer = _Writer()
-        tools = {
-            "show": writer.show,
-            "plot": writer.plot,
-            "section": writer.section,
-            "plotly": plotly,
-            "shared": shared,
-        }
+        tools = {f.__name__: f for f in (writer.show, writer.plot, writer.section, plotly, packed)}
         own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
         own |= {"beside": files_block(self.files), "provenance": macro("provenance", self.made)}
         looks = {"css": asset("pinotwin.report", "page.css"), "script": asset("pinotwin.report", "page.js")}
@@ -81,25 +76,41 @@ def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:
 def plotly(figures: Sequence[str]) -> tuple[int, str]:
     """Return the size of the part of plotly that draws figures, given as JSON, and its script packed."""
     kinds = {trace.get("type", "scatter") for text in figures for trace in json.loads(text)["data"]}
-    return _packed(basic=kinds <= {"scatter", "bar"})
+    return _script(basic=kinds <= {"scatter", "bar"})
 
 
-def shared(figures: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return figures, given as JSON, and the arrays that stand in them more than once, there as ``@`` and a number."""
-    held = re.compile(r'(?<="bdata":")[^"@]{99,}(?=")')
-    often = [x for x, times in Counter(held.findall("\n".join(figures))).items() if times > 1]
-    number = {x: f"@{k}" for k, x in enumerate(often)}
-    return [held.sub(lambda m: number.get(m[0], m[0]), text) for text in figures], often
+def packed(figures: Sequence[str]) -> tuple[int, int, str]:
+    """Return figures, given as JSON, deflated as base64, with their size and the place where their text begins.
+
+    Before the text stand their arrays of floats, each once and its bytes by weight, in the text ``@``, place and size.
+    """
+    places: dict[str, str] = {}
+    planes = bytearray()
+
+    def moved(found: re.Match[str]) -> str:
+        if (name := found[2]) not in places:
+            rows = np.frombuffer(base64.b64decode(name), np.uint8).reshape(-1, 4)
+            places[name] = f"@{len(planes)} {rows.size}"
+            planes.extend(rows.T.tobytes())
+        return f'{found[1]}{places[name]}"'
+
+    held = re.compile(r'("dtype":"f[48]","bdata":")([^"]{99,})"')
+    text = ",".join(held.sub(moved, figure) for figure in figures)
+    return len(planes) + len(text.encode()) + 2, len(planes), _deflated(bytes(planes) + f"[{text}]".encode())
+
+
+def _deflated(content: bytes) -> str:
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return base64.b64encode(deflate.compress(content) + deflate.flush()).decode()
 
 
 @cache
-def _packed(*, basic: bool) -> tuple[int, str]:
+def _script(*, basic: bool) -> tuple[int, str]:
     """Return the size of plotly's script, a part of it (plotly-basic 4.1.1) or all, and it deflated, as base64."""
     from plotly.offline import get_plotlyjs
 
     text = (asset("pinotwin.report", "plotly-basic.min.js") if basic else get_plotlyjs()).encode()
-    deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
-    return len(text), base64.b64encode(deflate.compress(text) + deflate.flush()).decode()
+    return len(text), _deflated(text)
 
 
 @dataclass(frozen=True)

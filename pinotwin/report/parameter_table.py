@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from pinotwin.report.blocks import Html, macro
-from pinotwin.report.display import rounded
 from pinotwin.twin import Parameter
+from pinotwin.units import rounded
 
 
 def parameter_table(rows: Sequence[Parameter], axes: Sequence[str], fold: int = 12) -> Html:
@@ -55,7 +55,7 @@ def _summary(rows: Sequence[Parameter]) -> str:
 
 
 def _numbers(row: Parameter) -> list[tuple[str, str]]:
-    """Return value, interval, relative error and prior with their sort keys; no number where none is known."""
+    """Return value, interval, relative error and prior, each with a sort key where its text is no number."""
     if not row.determined:
         return [("not determined", ""), ("–", ""), ("–", ""), ("–", "")]
     known = math.isfinite(row.error) and row.error > 0.0
@@ -64,10 +64,10 @@ def _numbers(row: Parameter) -> list[tuple[str, str]]:
     ends = [rounded(x, row.error)[0] for x in (low, high)] if known else []
     share = row.error / abs(row.value) if known and row.value else math.nan
     return [
-        (value, repr(row.value)),
-        (f"{ends[0]} … {ends[1]}", repr(high - low)) if known else ("–", ""),
-        (_share(1.96 * share), repr(share) if math.isfinite(share) else ""),
-        ("–", "") if row.prior is None else (f"{row.prior:.4g}", repr(row.prior)),
+        (value, ""),
+        (f"{ends[0]} … {ends[1]}", f"{high - low:.3g}") if known else ("–", ""),
+        (_share(1.96 * share), f"{share:.3g}" if math.isfinite(share) else ""),
+        ("–", "") if row.prior is None else (f"{row.prior:.4g}", ""),
     ]
 
 

@@ -22,7 +22,7 @@ REPLACES = ("machine", "advice_*.csv")
 BESIDE = {
     "machine.html": "the machine playing the log in 3-D, coloured by the residual; open it in a browser",
     "diagnosis.json": "all numbers of this page, for programs",
-    "machine/machine.yaml": "the machine with the named causes added, for `pinotwin identify`",
+    "machine/machine.yaml": "the machine with the named causes, to identify again",
 }
 """What lies beside the page -> what it holds."""
 

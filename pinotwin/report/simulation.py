@@ -16,7 +16,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, chip, table
-from pinotwin.report.closed_loop import Column, Scores, scores_table
+from pinotwin.report.closed_loop import Column, Scores, scores_table, servo_table
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.page import Page
@@ -67,6 +67,7 @@ def simulation_report(
         for axis, signals in scores.items()
         for s, row in signals.items()
     }
+    turning = [name for name, axis in machine.axes.items() if axis.rotary]
     legend = {printed(word).capitalize(): GRADES[word][1] for word in grades.values()}
     content = {
         "sentences": _sentences(scores, grades),
@@ -78,18 +79,13 @@ def simulation_report(
         "twin": twin,
         "coupled": form == "coupled",
         "laws": LAWS,
+        "gains": servo_table(twin.servos, turning) if form == "coupled" and twin.servos else "",
     }
     options = {"controller": form, **known.get("options", {})}
     facts = {"twin_from": [dict(row) for row in twin.data], **known, "options": options}
     subtitle = f"from the command of {display.elided(log.source)} alone · {FORMS.get(form, form)}"
-    return Page(
-        f"{machine.name}: simulation",
-        subtitle,
-        template="simulation",
-        given=content,
-        files=files,
-        made=made_of(machine, [(log, "command")], **facts),
-    ).html()
+    facts = made_of(machine, [(log, "command")], **facts)
+    return Page(f"{machine.name}: simulation", subtitle, (), "simulation", content, files, facts).html()
 
 
 def grade_of(error: float, expected: float | None) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
-from pinotwin.report.blocks import Plot, bullets, heading, notes, paragraph, table
+from pinotwin.report.blocks import Plot, heading, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
+from pinotwin.report.display import percent
 from pinotwin.report.page import Page, Section, files_block
 from pinotwin.report.study_plots import amount_figure, coupling_figure, overlay_figure, removal_figure
 from pinotwin.studies.amount import error_against_data
@@ -31,7 +33,7 @@ from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.overlay import KINDS as OVERLAYS
 from pinotwin.studies.overlay import overlay, with_and_without
 from pinotwin.studies.study import Study
-from pinotwin.system.phrases import STUDIED
+from pinotwin.system.phrases import STUDIED, capital
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import as_path, whole_folder, write_text
 from pinotwin.twin import Twin
@@ -86,12 +88,14 @@ class Studied:
         header, rows, file = found.header, found.rows, f"{name}.csv"
         self.studies[file] = found
         kind, _, of = name.partition("_")
-        title, part = KINDS[kind].split(" (")[0].capitalize(), [heading(_of(name))] if of else []
-        shown = [[_short(cell) for cell in row] for row in rows]
+        title, part = _title(kind), [heading(_of(name))] if of else []
+        shown = [[_cell(*cell) for cell in zip(header, row, strict=True)] for row in rows]
         link = [(file, f"{len(rows)} rows: {', '.join(header)}")]
         short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
-        self.page = self.page.section(title, *part, paragraph(_sentence(found.finding)), Plot(figure), *below)
+        self.page = self.page.section(
+            title, *part, paragraph(f"{capital(found.finding)}."), Plot(figure), *below
+        )
 
 
 def study(
@@ -142,13 +146,10 @@ def study(
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.studies:
         raise DataError("; ".join(out.left_out) or "no study was chosen")
-    found = [": ".join(filter(None, (_of(name), x.finding))) for name, x in out.studies.items()]
-    first = Section("", (bullets(map(_sentence, found)),))
-    out.page = replace(out.page, sections=(first, *out.page.sections))
     span = None if window is None else ",".join(f"{x:g}" for x in window)
     how = made(began, only=kinds, axis=list(axes) or "all", window=span)
-    told = made_of(machine, [(one, "studied") for one in logs], **how)
-    out.page = replace(out.page, made=told)
+    facts = made_of(machine, [(one, "studied") for one in logs], **how)
+    out.page = replace(out.page, sections=(_findings(out.studies), *out.page.sections), made=facts)
     return out
 
 
@@ -213,8 +214,24 @@ def _of(name: str) -> str:
     return name.removesuffix(".csv").partition("_")[2].replace("_", ", ")
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
+def _findings(studies: Mapping[str, Study]) -> Section:
+    """Return what the studies found, the title of each where it begins."""
+    titles = [_title(re.split(r"[_.]", name)[0]) for name in studies]
+    rows = [
+        ("" if title == before else title, _of(name), f"{capital(found.finding)}.")
+        for before, title, (name, found) in zip(["", *titles], titles, studies.items(), strict=False)
+    ]
+    return Section("Findings", (table(("study", "of", "finding"), rows),))
+
+
+def _title(kind: str) -> str:
+    return KINDS[kind].split(" (")[0].capitalize()
+
+
+def _cell(title: str, cell: object) -> str:
+    """Return a cell as it stands on the page: a share in per cent."""
+    share = isinstance(cell, float) and title.endswith(("fitted", "held out", "of std", "share"))
+    return percent(float(str(cell))) if share else _short(cell)
 
 
 def _short(cell: object, digits: int = 4) -> str:

@@ -29,11 +29,12 @@ def overlay_figure(given: Study) -> go.Figure:
     x, extracted, curve = given["x"], given["extracted"], given["curve"]
     across = scale_of("v" if given.against == "velocity" else "q", given.rotary, x)
     up = scale_of("u", given.rotary, extracted)
-    rows, (centre, median, low, high) = some_rows(len(x)), np.array(given.rows).reshape(-1, 4).T
+    rows, (centre, median, low, high) = some_rows(len(x), 450), np.array(given.rows).reshape(-1, 4).T
     cloud = dots(across(x[rows]), up(extracted[rows]), "measured minus all other effects")
     ends = up(high - median), up(median - low)
     medians = points(across(centre), up(median), "median of the data", MEASURED, ends, unit=up.unit)
-    model = line(across(given["grid"]), up(curve), "model", ACCENT, width=2.2)
+    at = visible_rows([curve], 500)
+    model = line(across(given["grid"][at]), up(curve[at]), "model", ACCENT, width=2.2)
     figure = go.Figure([cloud, medians, model])
     style(figure, 330, x=f"{given.against} [{across.unit}]", y=f"{given.axis} [{up.unit}]")
     low, high = np.percentile(extracted, [0.5, 99.5])
@@ -65,9 +66,7 @@ def amount_figure(given: Study) -> go.Figure:
         figure.add_trace(trace.update(mode="lines+markers", line_dash=dash))
     style(figure, 330, x="length of the data fitted [s]", y="error norm / effort norm [%]")
     figure.update_xaxes(rangemode="tozero")
-    top = 130.0 * float(np.nanmedian(held_out))
-    worst = 105.0 * float(np.nanmax(np.r_[fitted, held_out]))
-    return figure.update_yaxes(range=[0, min(3 * top, worst)])
+    return figure.update_yaxes(type="log", tickformat="~g", dtick=1)
 
 
 def coupling_figure(given: Study) -> go.Figure:

@@ -45,7 +45,7 @@ def error_against_data(
     axes = {name: np.array([row[2][1 + k] for row in found]) for k, name in enumerate(machine.names)}
     rows = [(float(length), float(fitted[0]), float(held[0])) for length, fitted, held in found]
     enough = _enough(*np.array(rows)[:, ::2].T)
-    finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough)
+    finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough, error=rows[-1][2])
     return Study(finding, ("seconds [s]", "fitted", "held out"), rows, axes)
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import EFFECTS, AxisEffect
+from pinotwin.effects import EFFECTS, AxisEffect, known
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.motion import AxisMotion
@@ -20,6 +20,7 @@ from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.study import Study
 from pinotwin.system.phrases import STUDIED
 from pinotwin.twin import Twin
+from pinotwin.units import shown
 
 Against = Literal["velocity", "position"]
 FRICTION = tuple(  # Effects that are functions of the velocity of their axis
@@ -99,10 +100,11 @@ def with_and_without(
     measured, left = given.u[rows, j], given.residual[rows, j]
     table = [(name, rms(left), rms(left + part)) for name, part in parts.items()]
     name, complete, without = max(table, key=lambda row: row[2])
-    sizes = {"complete": complete, "without": without, "unit": "N·m" if given.rotary[j] else "N"}
+    factor, unit = shown("N·m" if given.rotary[j] else "N", without)
+    sizes = {"complete": factor * complete, "without": factor * without, "unit": unit}
     predicted = measured - left
     return Study(
-        finding=STUDIED["without"].format(effect=name, **sizes),
+        finding=STUDIED["without"].format(effect=known()[name].title.lower(), **sizes),
         header=("effect", "RMS error with it [N, N·m]", "without"),
         rows=table,
         courses={

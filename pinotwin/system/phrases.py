@@ -331,11 +331,17 @@ NUMBERS = {  # name of a number -> what it is
     "payload.m": "mass",
 }
 
+IMPROVED = {  # what `improve` found
+    "added": "Added to the model: {added}. The error on the sealed log falls to {ratio:.0%} of that without it.",
+    "none": "Nothing was added to the model: {end}.",
+    "errors": "u: effort along the measured motion; e: tracking error from the command alone. RMS error over RMS.",
+}
+
 STUDIED = {  # what `study` found
-    "enough": "{seconds:.3g} s are enough",
+    "enough": "{seconds:.3g} s are enough: with more the held-out error stays at {error:.1%} of the effort",
     "more": "the error has not settled; a longer log would help",
     "coupling": "a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}",
-    "runaway": "a model for each axis alone predicts {axes} no better than the mean of the effort; not drawn there",
+    "runaway": "a model for each axis alone predicts the effort of {axes} worse than its mean does; not drawn there",
     "without": "without {effect} the RMS error grows from {complete:.3g} to {without:.3g} {unit}",
     "overlay": "the curve explains {share:.0%} of the data's power",
     "errors": "{share:.0%} of the tracking error comes from {cause}",
@@ -345,6 +351,11 @@ STUDIED = {  # what `study` found
 def joined(words: Sequence[str]) -> str:
     """Return ``a, b and c``."""
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def capital(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
 
 
 CAUSES = {

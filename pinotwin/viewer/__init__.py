@@ -3,13 +3,4 @@
 from pinotwin.viewer.scene import Scene, colour, draw, missing_meshes, visual_model
 from pinotwin.viewer.show import View, parse_posture, view
 
-__all__ = [
-    "Scene",
-    "View",
-    "colour",
-    "draw",
-    "missing_meshes",
-    "parse_posture",
-    "view",
-    "visual_model",
-]
+__all__ = ["Scene", "View", "colour", "draw", "missing_meshes", "parse_posture", "view", "visual_model"]

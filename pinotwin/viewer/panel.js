@@ -31,7 +31,7 @@ async function draw_all(viewer) {
     if (parent) parent.appendChild(e);
     return e;
   };
-  const state = { q: DATA.q.slice(), k: 0, playing: false, factor: 100, axis: 0 };
+  const state = { q: DATA.q.slice(), k: 0, playing: false, factor: 100, axis: 0, hover: null, span: null };
   const frames = DATA.frames;
 
   // Without WebGL: a still picture, and the plots.
@@ -228,10 +228,13 @@ async function draw_all(viewer) {
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, w, h);
     const ink = css.color, left = 52, right = 8, top = 18, bottom = 16;
+    const t = frames.t, end = t[t.length - 1], [from, to] = state.span || [t[0], end];
     let low = Infinity, high = -Infinity;
-    lines.forEach((l) => l.y.forEach((y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } }));
+    lines.forEach((l) => l.y.forEach((y, k) => {
+      if (y !== null && t[k] >= from && t[k] <= to) { low = Math.min(low, y); high = Math.max(high, y); }
+    }));
     if (!(high > low)) { low -= 1; high += 1; }
-    const t = frames.t, X = (x) => left + (x - t[0]) / (t[t.length - 1] - t[0]) * (w - left - right);
+    const X = (x) => left + (x - from) / (to - from) * (w - left - right);
     const Y = (y) => top + (high - y) / (high - low) * (h - top - bottom);
     g.font = "11px system-ui, sans-serif";
     g.fillStyle = ink;
@@ -241,9 +244,9 @@ async function draw_all(viewer) {
     g.fillText(high.toPrecision(3), left - 4, top + 8);
     g.fillText(low.toPrecision(3), left - 4, h - bottom);
     g.textAlign = "left";
-    g.fillText(t[0].toFixed(1), left, h - 3);
+    g.fillText(from.toFixed(1), left, h - 3);
     g.textAlign = "right";
-    g.fillText(t[t.length - 1].toFixed(1) + " s", w - right, h - 3);
+    g.fillText(to.toFixed(1) + " s", w - right, h - 3);
     g.textAlign = "left";
     g.globalAlpha = 0.25;
     g.strokeStyle = ink;
@@ -251,6 +254,11 @@ async function draw_all(viewer) {
     if (low < 0 && high > 0) { g.beginPath(); g.moveTo(left, Y(0)); g.lineTo(w - right, Y(0)); g.stroke(); }
     g.globalAlpha = 1;
     let at = 4 + g.measureText(title + " [" + unit + "]").width + 14;
+    const here = state.hover === null ? state.k : state.hover;
+    g.save();
+    g.beginPath();
+    g.rect(left, 0, w - left - right, h);
+    g.clip();
     lines.forEach((l) => {
       g.strokeStyle = l.colour;
       g.lineWidth = 1.2;
@@ -263,20 +271,33 @@ async function draw_all(viewer) {
       });
       g.stroke();
       g.fillStyle = l.colour;
-      if (at + g.measureText(l.name).width < w - 4) { g.fillText(l.name, at, 11); at += g.measureText(l.name).width + 10; }
+      const said = l.name + (l.y[here] === null ? "" : " " + l.y[here].toPrecision(3)), wide = g.measureText(said).width;
+      if (at + wide < w - 4) { g.fillText(said, at, 11); at += wide + 12; }
     });
     g.strokeStyle = ink;
-    g.beginPath();
-    g.moveTo(X(t[state.k]), top);
-    g.lineTo(X(t[state.k]), h - bottom);
-    g.stroke();
+    for (const k of new Set([state.k, here])) {
+      g.beginPath();
+      g.moveTo(X(t[k]), top);
+      g.lineTo(X(t[k]), h - bottom);
+      g.stroke();
+      g.globalAlpha = 0.4;
+    }
+    g.restore();
+    const time = (e) => from + (e.offsetX - left) / (w - left - right) * (to - from);
+    const row = (x) => { let k = 0; while (k + 1 < t.length && t[k + 1] <= x) k++; return k; };
     canvas.onpointerdown = canvas.onpointermove = (e) => {
-      if (!e.buttons) return;
-      const share = (e.offsetX - left) / (w - left - right);
-      let k = 0, x = t[0] + share * (t[t.length - 1] - t[0]);
-      while (k + 1 < t.length && t[k + 1] <= x) k++;
-      go(k);
+      state.hover = e.buttons ? null : row(time(e));
+      if (e.buttons) go(row(time(e))); else draw();
     };
+    canvas.onpointerleave = () => { state.hover = null; draw(); };
+    canvas.onwheel = (e) => {
+      e.preventDefault();
+      const x = time(e), by = e.deltaY > 0 ? 1.25 : 0.8;
+      state.span = [Math.max(t[0], x - by * (x - from)), Math.min(end, x + by * (to - x))];
+      draw();
+    };
+    canvas.ondblclick = () => { state.span = null; draw(); };
+    canvas.title = "wheel: zoom; double click: whole log; drag: play from here";
   }
   function draw() {
     const axis = DATA.axes[state.axis];

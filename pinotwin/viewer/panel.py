@@ -109,7 +109,7 @@ def _axes(machine: Machine, tracks: Tracks | None) -> list[dict[str, Any]]:
         limited = max(abs(low), abs(high)) < 1e3
         if not limited:
             low, high = (-np.pi, np.pi) if part.rotary else (-0.5, 0.5)
-        kind = ("°", float(np.rad2deg(1.0)), "N·m", "mrad") if part.rotary else ("mm", 1e3, "N", "µm")
+        kind = ("°", float(np.rad2deg(1.0)), "N·m", "mdeg") if part.rotary else ("mm", 1e3, "N", "µm")
         row: dict[str, Any] = dict(zip(("unit", "scale", "effort_unit", "error_unit"), kind, strict=True))
         row |= {"name": part.name, "path": f"{ROOT}/{part.joint}", "column": part.index, "digits": 1}
         row |= {"low": low, "high": high, "limited": limited}

@@ -128,13 +128,7 @@ def draw(
     return drawn
 
 
-def add_copy(
-    drawn: Scene,
-    model: pin.Model,
-    visual: pin.GeometryModel,
-    root: str,
-    rgba: Rgba,
-) -> None:
+def add_copy(drawn: Scene, model: pin.Model, visual: pin.GeometryModel, root: str, rgba: Rgba) -> None:
     """Draw what moves of a second machine in one colour (0 to 1) below a root of its own; the scene is changed."""
     for shape in visual.geometryObjects:
         if shape.parentJoint != 0:  # the base would only shine through itself

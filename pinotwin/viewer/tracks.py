@@ -50,9 +50,10 @@ class Tracks:
         }
 
 
-def _colour(key: str) -> str:
-    kind = known().get(effect_name(key))
-    return "#888888" if kind is None else kind.colour
+def _looks(key: str) -> tuple[str, str]:
+    """Return name and colour of an effect."""
+    kind = known().get(name := effect_name(key))
+    return (name.replace("_", " "), "#888888") if kind is None else (kind.title.lower(), kind.colour)
 
 
 def tracks_of(
@@ -79,9 +80,9 @@ def tracks_of(
             full[name] = float(np.percentile(known, 99.0)) if known.any() else 1.0
             sizes = {key: rms(p[:, i]) for key, p in parts.items()}
             largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:most]
-            held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]
+            held["parts"] = [(*_looks(key), parts[key][rows, i]) for key in largest]
         if motion.qr is not None:
-            error = motion.error[:, i] * (1e3 if axis.rotary else 1e6)
+            error = motion.error[:, i] * (np.rad2deg(1e3) if axis.rotary else 1e6)
             held["error"] = [("command minus position", "#2fa6a0", error[rows])]
         series[name] = held
     qr = None if motion.qr is None else np.where(np.isfinite(motion.qr), motion.qr, motion.q)[rows]

@@ -15,7 +15,7 @@ from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
-from pinotwin.system.phrases import joined
+from pinotwin.system.phrases import capital, joined
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _sentence(
         "unexplained": "",
     }[verdict]
     text = (head + text).strip()
-    return [text[:1].upper() + text[1:]] if text else []
+    return [capital(text)] if text else []
 
 
 def _relative(g: Gap) -> float:
