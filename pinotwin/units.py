@@ -70,7 +70,7 @@ def shown(unit: str, size: float) -> tuple[float, str]:
 
 
 def rounded(value: float, error: float) -> tuple[str, str]:
-    """Return value and error with two digits of the error: ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``."""
+    """Return value and error [a unit] with two digits of the error: ``("95.11", "0.11")``, ``("1.2e-5", "0.1e-5")``."""
     if not (math.isfinite(error) and error > 0.0):
         return f"{value:.6g}", ""
     exponent = math.floor(math.log10(max(abs(value), error)))

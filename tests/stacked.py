@@ -38,5 +38,5 @@ def stack(parts: Sequence[AxisRows], names: Sequence[str]) -> Problem:
 
 def interval(fit: LinearFit, level: float = 0.95) -> Floats:
     """Return the confidence interval of every parameter, cut at its bounds, shape (p, 2)."""
-    reach = float(scipy.special.stdtrit(fit.dof, 0.5 + level / 2)) * fit.standard_errors
+    reach = scipy.special.stdtrit(fit.dof, 0.5 + level / 2) * fit.standard_errors
     return np.stack([np.maximum(fit.theta - reach, fit.lower), np.minimum(fit.theta + reach, fit.upper)], 1)

@@ -10,6 +10,7 @@ import pandas
 import pinocchio as pin
 import pyarrow
 import pytest
+import scipy
 
 import pinotwin as pt
 from pinotwin.errors import DataError, InputError, LogError, MachineError, TwinError
@@ -166,8 +167,11 @@ def test_parameters_go_by_name_and_in_order(twin, monkeypatch):
     assert found.standard_error == found.error
     assert abs(found.value - 5.0) < 5.0 * found.standard_error
     low, high = found.interval(0.9)
-    assert (high - low) / 2.0 == pytest.approx(1.6449 * found.standard_error, rel=1e-4)
-    assert found.interval() == pytest.approx(found.value + 1.96 * found.error * np.array([-1, 1]), rel=1e-4)
+    student = scipy.stats.t(found.dof)  # of as many seconds as tell the number
+    assert 2.0 < found.dof < 60.0
+    assert (high - low) / 2.0 == pytest.approx(student.ppf(0.95) * found.standard_error, rel=1e-4)
+    wide = student.ppf(0.975) * found.error * np.array([-1, 1])
+    assert found.interval() == pytest.approx(found.value + wide, rel=1e-4)
     with pytest.raises(InputError, match="level: 90 is not between 0 and 1"):
         found.interval(90)
     assert list(twin.parameters) == [twin.parameters[k] for k in range(len(twin.parameters))]

@@ -315,7 +315,7 @@ def as_two_runs(c: Comparison, by: float) -> Comparison:
     return replace(c, new=new, own=own, floor={0: by * c.floor[0]})
 
 
-@pytest.mark.parametrize(("scale", "named"), [(0.045, False), (0.15, True)])
+@pytest.mark.parametrize(("scale", "named"), [(0.048, False), (0.15, True)])
 def test_friction_that_differs_from_run_to_run_is_no_push(emps, scale: float, named: bool) -> None:
     c = as_two_runs(emps, 0.3)
     second = c.new.samples(0) >= c.new.motion.segments[1].start

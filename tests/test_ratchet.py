@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 57_084,
+    lines: 57_194,
     module_numbers: 124,
-    numbers_without_unit: 308,
+    numbers_without_unit: 309,
     stories: 6,
 }
 

@@ -133,8 +133,9 @@ class TestCommandLine:
             )
             == 0
         )
-        closed, written = capsys.readouterr().out.splitlines()  # and no table of errors
+        *notes, closed, written = capsys.readouterr().out.splitlines()  # and no table of errors
         assert closed.startswith("closed loop: ")
+        assert all(note.startswith("note: the command leaves what the twin knows: Y") for note in notes)
         assert written == f"500 rows written to {tmp_path / 'p.csv'}"
 
     def test_bad_input_is_one_line_and_leaves_no_file(self, folder, unseen, tmp_path, capsys):

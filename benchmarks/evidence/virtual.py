@@ -83,8 +83,11 @@ def _said(log: pt.Log) -> pt.Log:
 
 
 def _errors(virtual: VirtualMachine, seed: int, record: Record, machine: pt.Machine) -> dict:  # type: ignore[type-arg]
-    unseen = recorded(virtual, 1000 + seed)
-    twin = pt.identify(machine, record(virtual, seed))
+    return missed(pt.identify(machine, record(virtual, seed)), recorded(virtual, 1000 + seed))
+
+
+def missed(twin: pt.Twin, unseen: pt.Log) -> dict:  # type: ignore[type-arg]
+    """Return the errors of a log simulated from its command alone, by axis and signal."""
     command = unseen.with_channels({k: unseen[k] for k in unseen.channels if k == "t" or k.endswith(".qr")})
     return compare(twin.machine, unseen, twin.simulate(command))
 

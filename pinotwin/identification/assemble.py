@@ -116,7 +116,25 @@ def assemble(motion: Motion, effects: Sequence[Effect], rows: Rows | None = None
         time=np.concatenate([np.flatnonzero(kept) for _, kept in pairs]),
         block=np.concatenate([rows.block[kept] for _, kept in pairs]),
         names=coefficient_names(effects),
+        second=1.0 / (motion.step * motion.decimation),
+        turning=np.concatenate([_turning(motion, effects, j)[rows.sample[kept]] for j, kept in pairs]),
     )
+
+
+def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.1) -> Mask:
+    """Return the ``share`` of the rows in motion that are nearest behind a turn of an axis, by its travel, shape (n,).
+
+    There no law of dry friction is true; none without such friction, or with a table, whose ends they alone tell.
+    """
+    moving, q = motion.moving(joint), motion.q[:, joint]
+    own = [e for e in effects if e.axis == motion.names[joint]]
+    if not moving.any() or any(e.local for e in own) or not any(e.depends == "direction" for e in own):
+        return np.zeros(len(q), dtype=bool)
+    side, row = np.where(moving, np.sign(motion.v[:, joint]), 0.0), np.arange(len(q))
+    way = side[np.maximum.accumulate(row * (side != 0.0))]
+    turns = np.unique([0, *np.flatnonzero(np.diff(way)) + 1, *(s.start for s in motion.segments)])
+    travel = np.abs(q - q[turns[np.searchsorted(turns, row, side="right") - 1]])
+    return moving & (travel <= np.quantile(travel[moving], share))
 
 
 def coefficient_names(effects: Sequence[Effect]) -> tuple[str, ...]:

@@ -83,7 +83,7 @@ class Bending:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""
         if any(holds(log, spring.name) for spring in self.springs):
             return log
-        motion = _motion(self.machine, log)
+        motion = prepare(self.machine, log, decimate=1)
         channels = dict(log.channels)
         for spring in self.springs:
             v = load_of(self.machine, self.beta, motion, spring.index).response(spring)[1]
@@ -113,22 +113,18 @@ def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USU
     """Return how passive joints bend that no log of the machine holds; None where there are none."""
     if not bends(machine, logs):
         return None
-    motion = _motion(machine, logs[0])
+    motion = prepare(machine, logs[0], decimate=1)
     first = Bending.stated(machine).moved(motion)
     shaken = [first.bend(log) for log in logs]
     fit = fit_plant(machine, prepare(machine, shaken), settings)
     plant = open_loop(machine, fit)
-    rest = replace(motion, u=motion.u - _friction(plant, _motion(machine, shaken[0])))
+    rest = replace(motion, u=motion.u - _friction(plant, prepare(machine, shaken[0], decimate=1)))
     return replace(first, beta=_beta(plant, first.beta, motion, settings.sure)).moved(rest)
 
 
 def bend_all(bending: Bending | None, logs: Iterable[Log]) -> list[Log]:
     """Return logs with the velocity of the joints that bend; as they are where none does."""
     return list(logs) if bending is None else [bending.bend(log) for log in logs]
-
-
-def _motion(machine: Machine, log: Log) -> Motion:
-    return prepare(machine, log, decimate=1)
 
 
 def _beta(plant: OpenLoop, cad: Floats, motion: Motion, sure: float) -> Floats:
@@ -170,14 +166,10 @@ def _unexplained(W: Floats, v: Floats, u: Floats, motors: Sequence[int]) -> Floa
 
 def bending_warnings(bending: Bending | None) -> list[str]:
     """Return what a user must know of joints that nothing measured."""
-    out: list[str] = []
-    if bending is None:
-        return out
-    for spring in bending.springs:
-        part = bending.machine.passive[spring.name]
-        unit = "N·m/rad" if part.rotary else "N/m"
-        out.append(
-            f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} {unit} has it on the "
-            f"CAD's inertia (machine.yaml: {part.stiffness:.4g}); `pinotwin vibration` measures it"
-        )
-    return out
+    pairs = [] if bending is None else [(s, bending.machine.passive[s.name]) for s in bending.springs]
+    return [
+        f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} "
+        f"{'N·m/rad' if part.rotary else 'N/m'} has it on the CAD's inertia (machine.yaml: {part.stiffness:.4g}); "
+        "`pinotwin vibration` measures it"
+        for spring, part in pairs
+    ]

@@ -18,11 +18,7 @@ from pinotwin.twin.moments import Moments
 
 
 def friction_scatter(
-    plant: OpenLoop,
-    moments: Moments,
-    sigma: Floats,
-    prior: float = 0.05,
-    prior_logs: float = 2.0,
+    plant: OpenLoop, moments: Moments, sigma: Floats, prior: float = 0.05, prior_logs: float = 2.0
 ) -> dict[str, dict[str, float]]:
     """Return axis -> friction effect -> scatter of logs over its size [1]; ``sigma`` is the rows' noise [N or N·m]."""
     out: dict[str, dict[str, float]] = {}

@@ -87,10 +87,7 @@ def whiteness_row(residual: Floats) -> dict[str, float]:
     power = float(e @ e)
     if power <= 0.0 or len(e) < 3:
         return {"lag1": 0.0, "durbin_watson": 2.0}
-    return {
-        "lag1": float(e[1:] @ e[:-1]) / power,
-        "durbin_watson": float(np.sum(np.diff(e) ** 2)) / power,
-    }
+    return {"lag1": float(e[1:] @ e[:-1]) / power, "durbin_watson": float(np.sum(np.diff(e) ** 2)) / power}
 
 
 def warnings(
@@ -117,6 +114,10 @@ def warnings(
         )
     for group in quality["not_separable"]:
         out.append(f"not separable on this log: {', '.join(group)}")
+    for name, row in quality.get("one_speed", {}).items():
+        effort, speed = ("N·m", "rad/s") if rotary[name] else ("N", "m/s")
+        size = f"{row['effort']:.4g} ± {row['half']:.2g} {effort} at {row['speed']:.3g} {speed}"
+        out.append(f"{name} moves at one speed: of its friction only c + b v = {size} is known")
     for name in quality["at_bound"]:
         out.append(f"{name} ended at its bound")
     for name, row in quality["axes"].items():

@@ -41,8 +41,8 @@ class Loops:
                 row = rows[f"{keys[id(effect)]}.{name}"]
                 known = row.determined and bool(np.isfinite(error)) and error > 0.0
                 word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
-                error = error if known else np.nan
-                rows[row.name] = replace(row, value=value, error=error, determined=known, verdict=word)
+                row = replace(row, value=value, error=error if known else np.nan, determined=known)
+                rows[row.name] = replace(row, verdict=word, dof=np.inf)
         return Parameters(rows.values())
 
 

@@ -47,15 +47,8 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most:
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
     start = np.clip(model.theta, low + 1e-9, high - 1e-9)
-    best = scipy.optimize.least_squares(
-        lambda x: problem.solve(x)[1],
-        start,
-        bounds=(low, high),
-        diff_step=1e-4,
-        max_nfev=most,
-        xtol=1e-4,
-        ftol=1e-6,
-    )
+    ends = {"bounds": (low, high), "max_nfev": most, "xtol": 1e-4, "ftol": 1e-6}
+    best = scipy.optimize.least_squares(lambda x: problem.solve(x)[1], start, diff_step=1e-4, **ends)
     return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun, most))
 
 

@@ -24,14 +24,7 @@ from pinotwin.identification.coupled import (
     with_factors,
 )
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
-from pinotwin.identification.loop_parts import (
-    Loops,
-    both_errors,
-    errors,
-    first_part,
-    loop_data,
-    score,
-)
+from pinotwin.identification.loop_parts import Loops, both_errors, errors, first_part, loop_data, score
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log

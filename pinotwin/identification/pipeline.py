@@ -23,6 +23,7 @@ from pinotwin.identification.judge import CrossValidated, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
+from pinotwin.identification.one_speed import at_one_speed
 from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.scale import Sizes, with_sizes
 from pinotwin.identification.settings import USUAL, Settings
@@ -87,9 +88,10 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     fit, validated, price = _with_bodies(machine, fit, consistent, even.whose, settings)
+    fit, sums = at_one_speed(machine, fit, settings)
     plant = open_loop(machine, fit)
-    quality = judge(machine, fit, plant, validated, later) | {"consistency": price, "leads": leads}
-    quality["sizes"] = sizes.axes
+    quality = judge(machine, fit, plant, validated, later)
+    quality |= {"consistency": price, "leads": leads, "one_speed": sums, "sizes": sizes.axes}
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     closed = ClosedLoops(plant)
     if loop and fit.motion.qr is not None:
@@ -135,7 +137,7 @@ def moments_of(plant: OpenLoop, motion: Motion, known: CrossValidated, fit: Line
     log = known.log[known.rows.sample[problem.time]]
     parts, lags = [problem.rows(log == k) for k in np.unique(log)], memory(motion)
     pi = parameters(plant.machine.model)
-    return Moments.of(parts, plant.machine.nv, plant.theta, lags, N @ fit.covariance @ N, pi)
+    return Moments.of(parts, plant.machine.nv, plant.theta, lags, N @ fit.covariance @ N, fit.dof, pi)
 
 
 def _unseen(

@@ -180,7 +180,8 @@ def parameter_table(plant: Plant) -> Parameters:
             word = verdict(value, float(error), at_bound=bool(at_bound))
             word = word if seen else "not determined: its coefficients are zero"
             error, name = float(error) if known else np.nan, f"{key}.{shape.name}"
-            rows.append(Parameter(name, key, "shape", value, shape.unit, error, known, word))
+            dof = float(plant.fit.dof[where].min())  # told by the rows in which its columns act
+            rows.append(Parameter(name, key, "shape", value, shape.unit, error, known, word, dof=dof))
     return Parameters(rows)
 
 
@@ -200,6 +201,7 @@ def _linear_rows(key: str, effect: Effect, where: slice, plant: Plant) -> Iterat
             verdict=_verdict(fit, at, value, error),
             prior=None if prior is None else float(prior[k]),
             meaning=coefficient.name if name != coefficient.name else "",
+            dof=float(fit.dof[at]),
         )
 
 

@@ -42,6 +42,8 @@ class Settings:
             moves, and simulating more costs more than it tells.
         beginning: longest stretch from its beginning on which another form may not be worse than the usual one [s]:
             a form that drifts off does so within seconds.
+        one_speed: share of its middle speed within which four fifths of an axis' travel are one speed to its friction:
+            between nearer ones viscous friction changes by less than dry friction does in a day.
         condition: scaled condition number above which parameters trade off against each other: four digits of the
             effort are lost then, which is more than a drive logs.
         sure: standard error over size below which a base parameter from the motors' rows takes the CAD's place: CAD
@@ -71,6 +73,7 @@ class Settings:
     kept: int = 60_000
     judged: float = 20.0
     beginning: float = 60.0
+    one_speed: float = 0.1
     condition: float = 1e4
     sure: float = 0.25
     urdf_rows: tuple[float, ...] = (5.0, 3.0, 10.0)

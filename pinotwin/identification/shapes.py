@@ -100,20 +100,16 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
 
 def _restored(fit: LinearFit, back: Ints) -> LinearFit:
     """Return the fit with its parameters in the order ``back`` picks them."""
-    place = np.argsort(back)
-    problem = fit.problem
+    place, problem = np.argsort(back), fit.problem
+    each = ("theta", "dof", "determined", "active", "lower", "upper")
     return replace(
         fit,
         problem=problem.with_columns(problem.W[:, back], [problem.names[k] for k in back]),
-        theta=fit.theta[back],
         covariance=fit.covariance[np.ix_(back, back)],
-        determined=fit.determined[back],
         unexcited=tuple(sorted(int(place[k]) for k in fit.unexcited)),
         groups=tuple(tuple(sorted(int(place[k]) for k in group)) for group in fit.groups),
-        active=fit.active[back],
-        lower=fit.lower[back],
-        upper=fit.upper[back],
         factor=fit.factor[:, back],
+        **{name: getattr(fit, name)[back] for name in each},
     )
 
 

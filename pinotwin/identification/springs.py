@@ -137,7 +137,7 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats, settings: 
     for name, k in numbers.items():
         value, error = float(values[k]), float(errors[k])
         word = verdict(value, error, at_bound=False)
-        rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word)
+        rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word, dof=np.inf)
     said = body_rows(machine, found, dummy, 1.0, settings)
     parameters = Parameters(rows.values())
     return replace(plant, theta=whole, covariance=full, parameters=parameters, pi=found.pi, bodies=said)

@@ -21,6 +21,7 @@ from pinotwin.identification.bodies import memory, near_urdf
 from pinotwin.identification.days import friction_scatter
 from pinotwin.identification.judge import CrossValidated, error_row, judge, log_edges, warnings
 from pinotwin.identification.misfit import misfit_with
+from pinotwin.identification.one_speed import at_one_speed
 from pinotwin.identification.pipeline import provenance
 from pinotwin.identification.plant import Plant, fit_options, open_loop, standard_parameters
 from pinotwin.identification.settings import USUAL, Settings
@@ -114,7 +115,9 @@ class _Solved:
         found, problem = solve(moments.whole, options), moments.problem(coefficient_names(twin.effects))
         options = replace(options, sigma=found.sigma, inference="none")
         inverse = found.rank.root @ found.rank.root.T
-        fit = replace(linear(problem, options), covariance=inverse @ moments.scores @ inverse)
+        fit = replace(
+            linear(problem, options), covariance=inverse @ moments.scores @ inverse, dof=moments.dof
+        )
         edges = log_edges(problem, problem.block) if judged else None
         held = None if edges is None else held_out(problem, options=options, edges=edges)
         folds, chosen = settings.folds if held is None else len(held.theta), choose_rows(motion)
@@ -131,13 +134,14 @@ class _Solved:
             plant, known, price = near_urdf(machine, plant, known, settings, rows)
         return cls(plant, known, found.rank.root, price)
 
-    def scores(self, problem: Problem) -> Floats:
-        """Return the covariance of the summed scores of more rows, shape (p, p)."""
+    def scores(self, problem: Problem) -> tuple[Floats, Floats]:
+        """Return the covariance of the summed scores of more rows, shape (p, p), and degrees of freedom, shape (p,)."""
         fit, error = self.plant.fit, problem.y - problem.W @ self.plant.fit.theta
         levels = dict(zip(fit.problem.slices, fit.sigma, strict=True))
         sigma = np.array([levels.get(j, rms(error[part])) for j, part in problem.slices.items()])
         N = fit.factor.T @ fit.factor
-        return np.asarray(N @ spread(problem, sigma, error, self.root).covariance @ N)
+        found = spread(problem, sigma, error, self.root)
+        return N @ found.covariance @ N, found.dof
 
 
 def _added(
@@ -148,11 +152,11 @@ def _added(
     problems = [assemble(twin.scene(m), twin.effects, r) for m, r in zip(new, rows, strict=True)]
     for motion, problem in zip(new, problems, strict=True):
         _of_this_machine(twin, motion, problem)
-    nv, lags, nothing = twin.machine.nv, memory(new[0]), np.zeros_like(held.scores)
-    rough = held + Moments.of(problems, nv, twin.theta, lags, nothing, held.pi)
+    nv, lags, nothing = twin.machine.nv, memory(new[0]), (0.0 * held.scores, 0.0 * held.scores[0])
+    rough = held + Moments.of(problems, nv, twin.theta, lags, *nothing, held.pi)
     free = _Solved.of(twin, known.motion, rough, settings)
-    scores = sum(map(free.scores, problems), nothing)
-    moments = held + Moments.of(problems, nv, free.plant.fit.theta, lags, scores, held.pi)
+    told = [sum(x) for x in zip(*map(free.scores, problems), strict=True)]
+    moments = held + Moments.of(problems, nv, free.plant.fit.theta, lags, *told, held.pi)
     after = _Solved.of(twin, known.motion, moments := moments.shorter(most), settings, judged=True)
     parts = [
         CrossValidated(twin.effects, len(m), r, p, np.full(len(m), k), 1, None)
@@ -161,14 +165,15 @@ def _added(
     fit, moved = after.plant.fit, after.plant.theta + twin.theta - before.plant.theta
     theta, pi = np.clip(moved, fit.lower, fit.upper), after.plant.pi + twin.pi - before.plant.pi
     plant = replace(after.plant, theta=theta, pi=pi)
-    found = open_loop(twin.machine, plant)
-    misfit, blocks = misfit_with(found, known, new, parts, after.known, settings)
+    misfit, blocks = misfit_with(open_loop(twin.machine, plant), known, new, parts, after.known, settings)
+    plant, sums = at_one_speed(twin.machine, replace(plant, motion=misfit.motion), settings)
+    fit, found = plant.fit, open_loop(twin.machine, plant)
     quality = judge(twin.machine, plant, found, after.known, None)
     quality["axes"] = _figures(twin, moments, quality["axes"], after.known.problem, blocks)
     days = friction_scatter(found, moments, fit.sigma)
     old = warnings(twin.quality, twin, misfit.motion, settings)
     said = [x for x in twin.quality["warnings"] if x not in (*old, HELD)]
-    quality = {**twin.quality, **quality, "consistency": after.price, "days": days}
+    quality = {**twin.quality, **quality, "consistency": after.price, "days": days, "one_speed": sums}
     quality["preparation"] = [*twin.quality["preparation"], *(note for m in new for note in m.notes)]
     quality["warnings"] = [*warnings(quality, found, misfit.motion, settings), *said, HELD]
     quality.pop("validation_source", None)

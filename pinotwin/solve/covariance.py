@@ -1,38 +1,33 @@
 r"""Covariance of theta that stays true when the residuals are coloured.
 
-    cov = F Omega F',   Omega = sum over lags of k(lag) E[s(t) s(t + lag)'],   s(t) = F' W(t)' e(t)
+Every second of all axes together is left out in turn (delete-a-group jackknife: Quenouille 1956; Efron 1982,
+chapter 2). With F F' = (W'W)^-1, V = W F and the noise levels as found, the fit without block g is
 
-with F F' = (W'W)^-1 and the scores ``s`` summed over the axes of one instant, so that correlation
-between axes counts too. Estimates of Omega:
+    theta_g = theta - F (I - V_g' V_g)^-1 V_g' e_g,   cov = (1 - 1/G) sum over g of (theta_g - theta) (theta_g - theta)'
 
-* ``"hac"``: Bartlett kernel on the scores (Newey & West 1987, doi:10.2307/1913610) with Andrews'
-  bandwidth (1991, doi:10.2307/2938229), never shorter than 1.3 sqrt(T) as Lazarus, Lewis, Stock &
-  Watson 2018, doi:10.1080/07350015.2018.1506926, ask; the kernel's downward bias is taken out and
-  the degrees of freedom are those of the kernel (Kiefer & Vogelsang 2005,
-  doi:10.1017/S0266466605050565). True also where the noise level varies with the motion.
-* ``"ols"``: independent residuals. For comparison; it is wrong for filtered data.
-* ``"none"``: no covariance (nan), where only the estimate is asked for.
+so that neither correlation within a second, nor between axes, nor noise that varies with the motion spoils it, and
+what the fit took from the residuals is given back. A parameter is told by fewer than all blocks, a knot of a table by
+those that pass it: with w_g the information on it in each, their effective number is (sum w)^2 / sum w^2 (Carter,
+Schnepel & Steigerwald 2017, doi:10.1162/REST_a_00639), and one less are its degrees of freedom for Student's t.
 
-A fit with p parameters takes power away from the residuals. For white ones that is p / n; under
-coloured noise it is tr(Omega) / n in units of the residual variance, often five times more, and
-Omega is multiplied by n / (n - tr). The kernel estimate also divides each residual by one minus its
-leverage (the jackknife's HC3, MacKinnon & White 1985, doi:10.1016/0304-4076(85)90158-7): rows that
-alone carry a parameter have residuals too small to judge by. Rows missing inside a block are slots
-of zero score (Parzen 1963; Datta & Du 2012).
+Behind a turn no law of dry friction is true: what it does to theta lies between nothing and the step d without these
+rows, evenly: in the mean square d d' / 3.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
+from pinotwin.solve.jackknife import moved
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.sandwich import bartlett
 
-Inference = Literal["hac", "ols", "none"]
+Inference = Literal["blocks", "ols", "none"]
+"""By blocks left out; as of independent residuals, wrong for filtered data; or nan, where the estimate is all."""
 
 
 @dataclass(frozen=True)
@@ -40,68 +35,40 @@ class Spread:
     """Covariance and the degrees of freedom of its estimate."""
 
     covariance: Floats  # of the estimate in the seen directions, shape (p, p)
-    dof: float  # degrees of freedom for Student's t
-    lags: int  # bandwidth used, in slots of the time axis; 0 where none
+    dof: Floats  # degrees of freedom for Student's t, of each parameter, shape (p,)
 
 
 def spread(
-    problem: Problem, sigma: Floats, error: Floats, root: Floats, inference: Inference = "hac"
+    problem: Problem, sigma: Floats, error: Floats, root: Floats, inference: Inference = "blocks"
 ) -> Spread:
     """Return the covariance of a weighted fit with residuals ``error`` (rows,) and noise ``sigma`` of each axis.
 
     ``root`` is F with F F' = (W'W)^-1 of the rows over their noise, shape (p, rank).
     """
+    p, rank = root.shape
     if inference == "none":
-        return Spread(np.full((len(root), len(root)), np.nan), np.nan, 0)
-    # One basis of all those of F: which of equally long columns a pivoted factorisation takes first is a matter of
-    # rounding, and the bandwidth depends on it (standard errors of a real robot moved by 2 %).
-    root = np.asarray(np.linalg.qr(root.T, mode="r")).T
-    level = np.asarray(sigma)[problem.axis_place]
-    V, error = problem.product(root), error / level
-    V /= level[:, None]  # in place, as below: an hour of five axes is a gigabyte
-    if inference == "hac":
-        left = np.maximum(1 - np.einsum("nk,nk->n", V, V), 0.2)  # of a row's own noise
-        V *= (error / left)[:, None]
-        Omega, dof, lags = _hac(problem, V)
-    else:
-        Omega = np.eye(root.shape[1]) * np.mean(error**2)
-        dof, lags = float(max(len(error) - root.shape[1], 1)), 0
-    factor = inflation(Omega, error)
-    if inference == "hac":
-        factor = max(factor * (1 - min(root.shape[1] / len(error), 0.5)), 1.0)
-    return Spread(root @ (Omega * factor) @ root.T, dof, lags)
+        return Spread(np.full((p, p), np.nan), np.full(p, np.nan))
+    e = error / np.asarray(sigma)[problem.axis_place]
+    if inference == "ols":
+        left = max(len(error) - rank, 1)
+        level = np.sum(e**2) / left
+        return Spread(root @ root.T * level, np.full(p, float(left)))
 
+    def step(rows: Mapping[int, slice | Ints]) -> tuple[Floats, Floats]:
+        """Return the rows' columns in the directions of ``root``, (k, rank), and how far the fit moves without them."""
+        parts = [(part, problem.filled[i], s) for (i, part), s in zip(rows.items(), sigma, strict=True)]
+        V = np.concatenate([problem.W[part][:, own] @ (root[own] / s) for part, own, s in parts])
+        return V, root @ moved(V, np.concatenate([e[part] for part in rows.values()]))
 
-def inflation(Omega: Floats, error: Floats, most: float = 4.0) -> float:
-    """Return n / (n - p_eff), which gives the residuals back what the fit took; beyond ``most`` rows are too few."""
-    power = float(error @ error)
-    left = power - float(np.trace(Omega))
-    return power / left if left * most > power else most
-
-
-def _hac(problem: Problem, scores: Floats) -> tuple[Floats, float, int]:
-    """Return Omega by the Bartlett kernel, its degrees of freedom and the bandwidth."""
-    T = problem.grid.times
-    lags = bandwidth(problem, scores)
-    total = bartlett(problem.grid.spread(scores, lags), lags)
-    b = min(lags / T, 1.0)
-    return total / (1 - b + b * b / 3), max(1.5 / b, 1.0), lags
-
-
-def bandwidth(problem: Problem, scores: Floats) -> int:
-    """Return Andrews' bandwidth for the Bartlett kernel, bounded below and above, in slots."""
-    T = problem.grid.times
-    total = problem.grid.spread(scores, 1)
-    there = problem.grid.spread(np.ones((len(scores), 1)), 1)[:, 0] > 0
-    pair = there[1:] & there[:-1]
-    variance = np.einsum("tk,tk->k", total, total)
-    ok = variance > 0
-    share = float(np.mean(pair)) / max(float(np.mean(there)), 1e-12)
-    lagged = np.einsum("tk,tk->k", total[:-1], total[1:])  # holes are zero
-    rho = lagged[ok] / variance[ok] / max(share, 1e-12)
-    rho = np.clip(rho, -0.97, 0.97)
-    weight = (1 - rho**2) ** 2 / (1 - rho) ** 4
-    alpha = np.sum(weight * 4 * rho**2 / ((1 - rho**2) ** 2)) / max(float(np.sum(weight)), 1e-12)
-    andrews = 1.1447 * (alpha * T) ** (1 / 3)
-    longest = max(problem.grid.lengths)
-    return int(np.clip(np.ceil(max(andrews, 1.3 * np.sqrt(T))), 1, max(min(T // 6, longest), 1)))
+    told, steps = np.zeros((2, p)), []
+    for rows in problem.seconds():
+        V, d = step(rows)
+        share = np.sum((V @ root.T) ** 2, axis=0)
+        told += share, share**2
+        steps.append(d)
+    dof = np.maximum(told[0] ** 2 / np.maximum(told[1], 1e-300) - 1.0, 1.0)
+    covariance = np.array(steps).T @ np.array(steps) * (1.0 - 1.0 / len(steps))
+    if problem.turning is not None:
+        _, d = step({i: s.start + np.flatnonzero(problem.turning[s]) for i, s in problem.slices.items()})
+        covariance += np.outer(d, d) / 3.0
+    return Spread(covariance, dof)

@@ -44,13 +44,7 @@ def trust_region(
     low, high = bounds
     inside = np.clip(start, low + margin * (high - low), high - margin * (high - low))
     found = scipy.optimize.least_squares(
-        lambda x: evaluate(x)[0],
-        inside,
-        lambda x: evaluate(x)[1],
-        bounds=bounds,
-        method="trf",
-        gtol=1e-12,
-        **options,
+        lambda x: evaluate(x)[0], inside, lambda x: evaluate(x)[1], bounds=bounds, gtol=1e-12, **options
     )
     return End(np.asarray(found.x), float(found.cost), int(found.nfev), found.status > 0)
 

@@ -34,6 +34,18 @@ def solved(N: Floats, g: Floats, ridge: float, scale: Floats | None = None) -> F
     return np.asarray(np.linalg.solve(scaled, (g / scale)[:, :, None])[:, :, 0] / scale)
 
 
+def moved(V: Floats, e: Floats, least: float = 0.5) -> Floats:
+    """Return (I - V'V)^-1 V'e, (p,): how far a fit of orthonormal columns moves without the rows V (n, p), e (n,).
+
+    Of no direction they count for more than all but the share ``least``: the other rows know too little of it.
+    """
+    if len(V) > V.shape[1]:
+        R = np.asarray(np.linalg.qr(np.column_stack([V, e]), mode="r"))
+        V, e = R[:, :-1], R[:, -1]
+    leverage, U = np.linalg.eigh(V @ V.T)
+    return np.asarray(V.T @ (U @ (U.T @ e / np.maximum(1.0 - leverage, least))))
+
+
 def jackknife(each: Floats) -> Floats:
     """Return the covariance of an estimate from what it was without each block, (K, p) -> (p, p)."""
     d = each - each.mean(axis=0)

@@ -43,7 +43,7 @@ class Options:
     upper: Floats | None = None  # bounds on theta, shape (p,); None for none
     sigma: Floats | None = None  # known noise level per axis; None to find it
     tolerance: float = 1e-9  # smallest relative pivot of the scaled columns that counts as seen
-    inference: Inference = "hac"  # see :mod:`pinotwin.solve.covariance`
+    inference: Inference = "blocks"  # see :mod:`pinotwin.solve.covariance`
 
     def by_coefficient(self, change: Callable[[Floats, float], Floats]) -> Options:
         """Return the same for other coefficients: each array (p,) changed, given what stands for none in it."""
@@ -145,7 +145,6 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
         upper=_or(options.upper, np.inf, p),
         factor=factor,
         right=right,
-        lags=spreading.lags,
     )
 
 

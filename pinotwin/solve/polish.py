@@ -68,18 +68,13 @@ class VariableProjection:
         length = np.linalg.norm(W, axis=0)
         unit = 1.0 / np.where(length > 0, length, 1.0)
         # gelsy: pivoted QR, several times faster than singular values where tables make p large
-        theta = (
-            unit
-            * scipy.linalg.lstsq(
-                W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False
-            )[0]
-        )
+        options = {"cond": self._limits.tolerance, "lapack_driver": "gelsy", "check_finite": False}
+        theta = unit * scipy.linalg.lstsq(W * unit, y, **options)[0]
         free = np.ones(len(theta), bool)
         outside = (theta < self._limits.lower) | (theta > self._limits.upper)
         if outside.any():
             rank = analyse(r_factor(W), self._limits.tolerance)
-            start = np.zeros(len(theta))
-            theta, active = bounded(W, y, self._limits.lower, self._limits.upper, start, rank)
+            theta, active = bounded(W, y, self._limits.lower, self._limits.upper, np.zeros_like(theta), rank)
             free = ~active
         return theta, free
 

@@ -8,7 +8,7 @@ Every axis so has its own noise level, and the covariance respects that neighbou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -30,6 +30,8 @@ class Problem:
     time: Ints  # sample index of each row; lags are differences of it, shape (rows,)
     names: tuple[str, ...]  # name of every parameter, length p
     block: Ints  # identity of the unbroken stretch each row belongs to, shape (rows,)
+    second: float = np.inf  # samples of ``time`` in a second; inf where nobody knows
+    turning: Mask | None = None  # rows after a turn, where a law of dry friction is least true, shape (rows,)
 
     def __post_init__(self) -> None:
         _check(self)
@@ -56,29 +58,31 @@ class Problem:
         """Columns that are not empty in the rows of each axis: those of an axis' own table are, in all others'."""
         return {i: np.flatnonzero(self.W[part].any(axis=0)) for i, part in self.slices.items()}
 
-    def product(self, x: Floats) -> Floats:
-        """Return W @ x for x of shape (p, k), empty columns passed over, shape (rows, k)."""
-        out = np.empty((len(self.y), x.shape[1]))
-        for i, part in self.slices.items():
-            own = self.filled[i]
-            out[part] = self.W[part, own] @ x[own]
-        return out
-
     @cached_property
     def grid(self) -> Grid:
         """The uniform time axis on which the rows of all axes lie."""
         return Grid.of(self.block, self.time)
 
+    def seconds(self, few: int = 12) -> Iterator[dict[int, slice]]:
+        """Yield the rows of each axis second by second, or by shorter blocks.
+
+        They are at least ``few``, and as many as an axis has columns: a knot of a table is passed in a moment. But
+        they are no shorter than a twentieth of a second, for neighbours are alike.
+        """
+        grid, lengths = self.grid, np.array(self.grid.lengths)
+        second, most = self.second / grid.step, max(few, *map(len, self.filled.values()))
+        longest = max(min(second, max(grid.times / most, second / 20 if np.isfinite(second) else 1.0)), 1.0)
+        count = np.maximum(np.round(lengths / longest), 1).astype(int)
+        place = (np.cumsum(count) - count)[grid.block] + grid.slot * count[grid.block] // lengths[grid.block]
+        starts = np.arange(count.sum() + 1)
+        edges = {i: part.start + np.searchsorted(place[part], starts) for i, part in self.slices.items()}
+        for k in np.unique(place):
+            yield {i: slice(int(edge[k]), int(edge[k + 1])) for i, edge in edges.items()}
+
     def rows(self, keep: Mask) -> Self:
         """Return the problem of the rows marked True in ``keep``, shape (rows,)."""
-        return replace(
-            self,
-            W=self.W[keep],
-            y=self.y[keep],
-            axis=self.axis[keep],
-            time=self.time[keep],
-            block=self.block[keep],
-        )
+        kept = {k: getattr(self, k)[keep] for k in ("W", "y", "axis", "time", "block")}
+        return replace(self, **kept, turning=None if self.turning is None else self.turning[keep])
 
     def with_columns(self, W: Floats, names: Sequence[str]) -> Self:
         """Return the same rows with another regressor."""
@@ -93,6 +97,7 @@ class Grid:
     block: Ints  # place of each row's block in ``lengths``, shape (rows,)
     lengths: tuple[int, ...]  # number of slots of each block, holes included
     times: int  # number of distinct instants that hold at least one row
+    step: int  # samples from slot to slot
 
     @classmethod
     def of(cls, block: Ints, time: Ints) -> Self:
@@ -106,7 +111,7 @@ class Grid:
         slot = (time - first[place]) // max(step, 1)
         lengths = np.zeros(len(numbers), int)
         np.maximum.at(lengths, place, slot + 1)
-        return cls(slot, place, tuple(int(x) for x in lengths), len(pairs))
+        return cls(slot, place, tuple(int(x) for x in lengths), len(pairs), max(step, 1))
 
     def starts(self, padding: int) -> Ints:
         """First slot of each block when ``padding`` empty slots follow every block."""

@@ -23,7 +23,7 @@ class LinearFit:
     problem: Problem  # the rows that were fitted
     theta: Floats  # coefficients, shape (p,)
     covariance: Floats  # of theta, shape (p, p)
-    dof: float  # degrees of freedom of the covariance, for Student's t
+    dof: Floats  # degrees of freedom of each standard error, for Student's t, shape (p,)
     sigma: Floats  # noise level per axis, in the order of ``problem.slices`` [unit of the effort]
     rank: int  # number of directions that the data determine
     condition: float  # condition number of the seen, scaled columns
@@ -35,7 +35,6 @@ class LinearFit:
     upper: Floats  # bounds, shape (p,), inf for none
     factor: Floats  # R of the rows divided by sigma, those of a ridge below, shape (k, p)
     right: Floats  # z with || R theta - z || the weighted residual up to a constant, shape (k,)
-    lags: int  # bandwidth of the covariance, in slots of the time axis
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,14 +1,7 @@
-r"""Covariance of parameters whose residuals are neither white nor of one size, A^-1 S A^-1.
+"""Covariance of parameters with coloured residuals, A^-1 S A^-1, on one time axis without gaps.
 
-``A = J'J`` is the information and S the covariance of the sum of the scores ``s(t) = J(t)' e(t)``. Three
-estimates of S, for problems of one time axis without gaps (:mod:`pinotwin.solve.covariance` has those of a
-plant, with gaps and several axes):
-
-* :func:`long_run`: lagged products under a triangular window (Newey & West 1987, doi:10.2307/1913610);
-* :func:`batch_means`: sums over blocks of five correlation times (Liang & Zeger 1986,
-  doi:10.1093/biomet/73.1.13, with time blocks as clusters), the correlation time by the initial positive
-  sequence (Geyer 1992, doi:10.1214/ss/1177011137);
-* :mod:`pinotwin.solve.jackknife`: blocks left out in turn (Bell & McCaffrey 2002), for short records.
+``A = J'J`` is the information, S the covariance of the sum of the scores ``s(t) = J(t)' e(t)``; that of a plant, with
+gaps and several axes, is in :mod:`pinotwin.solve.covariance`.
 """
 
 from __future__ import annotations
@@ -16,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.solve.jackknife import moved
 
 
 def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
@@ -25,7 +19,7 @@ def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
 
 
 def long_run(scores: Floats, lag: int) -> Floats:
-    """Return the covariance of the sum of correlated scores (n, p), triangular window, (p, p)."""
+    """Return the covariance of the sum of correlated scores (n, p), triangular window (Newey & West 1987), (p, p)."""
     window = min(lag, len(scores) - 1) + 1
     return bartlett(np.pad(scores, ((0, window), (0, 0))), window)
 
@@ -51,10 +45,9 @@ def block_covariance(columns: Floats, residual: Floats) -> Floats:
 
 
 def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, int]:
-    """Return covariance and number of blocks from H and the scores S (n, p).
+    """Return covariance and number of blocks (Liang & Zeger 1986) from H and the scores S (n, p) of ``count`` rows.
 
-    The block length follows the memory of the influence on the first ``leading`` parameters;
-    ``count`` is the number of scalar observations.
+    The block length follows the memory of the influence on the first ``leading`` parameters.
     """
     size = np.sqrt(np.diag(H))
     size = np.where(size > 0, size, 1.0)
@@ -67,7 +60,7 @@ def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats,
 
 
 def block_length(influence: Floats, fewest: int = 20) -> int:
-    """Return five integrated autocorrelation times, at most the rows over the fewest blocks."""
+    """Return five integrated autocorrelation times (Geyer 1992), at most the rows over the fewest blocks."""
     n = len(influence)
     longest = max(n // fewest, 1)
     padded = 1 << (2 * n - 1).bit_length()
@@ -87,14 +80,10 @@ def left_out(J: Floats, e: Floats, inverse: Floats, block: int) -> Floats:
 
     See :mod:`pinotwin.solve.covariance`; ``inverse`` is that of A, (p, p).
     """
-    size = J.shape[2]
     L = np.linalg.cholesky(inverse)
     scores = []
     for rows in np.array_split(np.arange(len(e)), max(2, len(e) // max(block, 1))):
-        flat = J[rows].reshape(-1, size)
-        leverage, V = np.linalg.eigh(L.T @ (flat.T @ flat) @ L)
-        factor = 1.0 / np.maximum(1.0 - leverage, 0.25)
-        scores.append(V @ (factor * (V.T @ (L.T @ (flat.T @ e[rows].ravel())))))
+        scores.append(moved(J[rows].reshape(-1, J.shape[2]) @ L, e[rows].ravel(), 0.25))
     s = np.linalg.solve(L.T, np.array(scores).T)
     return np.asarray(s @ s.T)
 

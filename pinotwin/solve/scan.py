@@ -141,10 +141,7 @@ class Scan:
                     return -self.gain(trial)
 
                 found = scipy.optimize.minimize_scalar(
-                    loss,
-                    bounds=(low, high),
-                    method="bounded",
-                    options={"xatol": 1e-2 * (high - low)},
+                    loss, bounds=(low, high), method="bounded", options={"xatol": 1e-2 * (high - low)}
                 )
                 if -found.fun > best:
                     x[k], best = found.x, -found.fun

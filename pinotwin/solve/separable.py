@@ -37,8 +37,7 @@ def separable(
     """Fit fixed columns, then moving blocks, in the order of prior and bounds; ``known`` shapes are only polished."""
     options = options or Options()
     if not moving:
-        fit = linear(problem, options)
-        return SeparableFit(fit, ())
+        return SeparableFit(linear(problem, options), ())
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
@@ -86,7 +85,7 @@ class _Search:
         that axes share moves no basin, and the polish takes it up.
         """
         columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
-        stale = set(self.unknown)
+        stale, axes = set(self.unknown), [placed.keys() for placed in self.projection.placed]
         for _ in range(most):
             for b in sorted(stale, key=lambda b: -self.basins[b][0].gain):
                 before = self.x[b]
@@ -94,15 +93,10 @@ class _Search:
                 columns[b] = self.moving[b].at(self.x[b])
                 stale.discard(b)
                 if self.cell(b, before) != self.cell(b, self.x[b]):
-                    stale |= {k for k in self.unknown if k != b and self.meet(b, k)}
+                    stale |= {k for k in self.unknown if k != b and axes[b] & axes[k]}
             self.reweigh()
             if not stale:
                 break
-
-    def meet(self, a: int, b: int) -> bool:
-        """Whether two blocks have rows of one axis."""
-        placed = self.projection.placed
-        return bool(placed[a].keys() & placed[b].keys())
 
     def scan(self, b: int, others: Sequence[tuple[int, Floats]], refine: bool = True) -> None:
         """Scan one block and move it to its best basin."""
@@ -183,8 +177,7 @@ class _Search:
         fit = replace(
             fit,
             covariance=found.covariance[:p, :p],
-            dof=found.dof,
-            lags=found.lags,
+            dof=found.dof[:p],
             determined=fit.determined & rank.determined[:p],
         )
         error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(found.covariance), 0)), np.inf)[p:]

@@ -288,7 +288,8 @@ def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
 
 def _parameter(row: dict[str, Any]) -> Parameter:
     row = {**row, "error": row["standard_error"]}
-    return msgspec.convert(row | {k: np.nan for k in ("value", "error") if row[k] is None}, Parameter)
+    nothing = {"value": np.nan, "error": np.nan, "dof": np.inf}
+    return msgspec.convert({**row, **{k: x for k, x in nothing.items() if row.get(k) is None}}, Parameter)
 
 
 def _closed_loop(loops: dict[str, dict[str, Any]], servos: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ The factor R of ``[W y]`` of a log and a joint (:mod:`pinotwin.solve.tsqr`), and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -25,6 +25,7 @@ class Moments:
     sums: Floats  # sum of the efforts of every joint in each log, shape (logs, nv) [N or N·m]
     memory: Floats  # rows that tell as much as an independent one of what is left, shape (logs, nv)
     scores: Floats  # covariance of the summed scores of the rows over their noise, shape (p, p)
+    dof: Floats  # degrees of freedom of each coefficient's standard error, shape (p,)
     pi: Floats  # standard parameters that were believed before any log, shape (p_std,)
 
     @classmethod
@@ -37,7 +38,8 @@ class Moments:
     def __add__(self, other: Moments) -> Moments:
         """Return those of both, the logs of the other one last."""
         sums, memory = np.concatenate([self.sums, other.sums]), np.concatenate([self.memory, other.memory])
-        return Moments((*self.logs, *other.logs), sums, memory, self.scores + other.scores, self.pi)
+        scores = self.scores + other.scores
+        return Moments((*self.logs, *other.logs), sums, memory, scores, self.dof + other.dof, self.pi)
 
     def shorter(self, most: int) -> Moments:
         """Return the same with at most so many logs, the oldest as one."""
@@ -46,7 +48,7 @@ class Moments:
         first, last = slice(many + 1), slice(many + 1, None)
         sums = np.concatenate([self.sums[first].sum(axis=0, keepdims=True), self.sums[last]])
         memory = np.concatenate([self.memory[first].mean(axis=0, keepdims=True), self.memory[last]])
-        return Moments((merged(self.logs[first]), *self.logs[last]), sums, memory, self.scores, self.pi)
+        return replace(self, logs=(merged(self.logs[first]), *self.logs[last]), sums=sums, memory=memory)
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -79,7 +81,7 @@ class Moments:
 
     def arrays(self) -> dict[str, Any]:
         """Return what a file holds."""
-        out = {name: getattr(self, name) for name in ("sums", "memory", "scores", "pi")}
+        out = {name: getattr(self, name) for name in ("sums", "memory", "scores", "dof", "pi")}
         out["rows"] = np.array([log.rows for log in self.logs])
         for k, log in enumerate(self.logs):
             out |= {f"factor_{k}_{j}": F for j, F in enumerate(log.factors)}
@@ -94,7 +96,8 @@ class Moments:
             Reduced(tuple(held[f"factor_{k}_{j}"] for j in range(len(rows))), tuple(rows.tolist()))
             for k, rows in enumerate(held["rows"])
         )
-        return cls(logs, held["sums"], held["memory"], held["scores"], held["pi"])
+        dof = held["dof"] if "dof" in held else np.full(len(held["scores"]), np.inf)
+        return cls(logs, held["sums"], held["memory"], held["scores"], dof, held["pi"])
 
 
 def _memory(problem: Problem, theta: Floats, nv: int, lags: int) -> Floats:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from statistics import NormalDist
 from typing import Any, SupportsIndex, overload
 
 import numpy as np
+from scipy.special import stdtrit
 
 from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.log import require_pandas
@@ -29,6 +29,7 @@ class Parameter:
         verdict: one word or sentence for the reader: ``good``, ``weak``, or why not to use it.
         prior: value before the log, if there was one [unit].
         meaning: the grouping of a base parameter written out.
+        dof: degrees of freedom of its error, for Student's t: few where few seconds of the log tell it.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Parameter:
     verdict: str
     prior: float | None = None
     meaning: str = ""
+    dof: float = float("inf")
 
     @property
     def standard_error(self) -> float:
@@ -48,31 +50,24 @@ class Parameter:
         return self.error
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Return the two-sided interval of a normal estimate at a level of confidence, NaN where not determined.
+        """Return the two-sided interval by Student's t at a level of confidence, NaN where not determined.
 
         Raises:
             InputError: the level is not between 0 and 1.
         """
         if not 0.0 < level < 1.0:
             raise InputError(f"level: {level} is not between 0 and 1, such as 0.95")
-        half = NormalDist().inv_cdf(0.5 + 0.5 * level) * self.error
+        half = float(stdtrit(self.dof, 0.5 + 0.5 * level)) * self.error
         return (self.value - half, self.value + half)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as it is written to twin.json."""
         low, high = self.interval()
-        return {
-            "name": self.name,
-            "effect": self.effect,
-            "kind": self.kind,
+        return {name: x for name, x in vars(self).items() if name != "error"} | {
             "value": self.value if self.determined or self.prior is not None else None,
-            "unit": self.unit,
             "standard_error": self.error if self.determined else None,
             "interval95": [low, high] if self.determined else None,
-            "determined": self.determined,
-            "verdict": self.verdict,
-            "prior": self.prior,
-            "meaning": self.meaning,
+            "dof": self.dof if np.isfinite(self.dof) else None,
         }
 
 

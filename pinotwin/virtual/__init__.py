@@ -1,7 +1,11 @@
 """Virtual machines: plant, controller and sensors that produce honest field data.
 
-Nothing here is shared with the identification side, and only the command line and the tests may import it.
+Nothing here is shared with the identification side: own rigid-body code, friction laws that stick,
+own integrator. Only the command line and the tests may import this package.
 """
 
 from pinotwin.virtual.machine import VirtualMachine as VirtualMachine
+from pinotwin.virtual.recording import Recording as Recording
 from pinotwin.virtual.trajectories import random_trajectory as random_trajectory
+
+__all__ = ["Recording", "VirtualMachine", "random_trajectory"]

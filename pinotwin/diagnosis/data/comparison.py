@@ -288,8 +288,7 @@ def _known(
     """Return motions without rows at which the twin does not know its effects, what to say, and axes without others."""
     words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
-    largest = {j: float(x.max(initial=0.0)) for j, x in own_errors.items()}
-    known = [[_foretold(twin, m, floor, largest) for m in part] for part in out]
+    known = [[_foretold(twin, m, floor, own_errors) for m in part] for part in out]
     for name, axis in twin.machine.axes.items():
         j = axis.index
         left = [int(np.sum(m.use[:, j] & k[:, j])) for m, k in zip(motions, known[0], strict=True)]
@@ -313,17 +312,19 @@ def _known(
     return out[0], out[1], words, lost
 
 
-def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], largest: Mapping[int, float]) -> Mask:
+def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], own: Mapping[int, Floats]) -> Mask:
     """Return where a twin tells an effort well enough to judge it, as surely as in its own logs or misfit, (n, nv)."""
     out = np.ones(motion.q.shape, dtype=bool)
     error = twin.effort_error(motion) if floor else np.zeros(motion.q.shape)
     for j, least in floor.items():
-        out[:, j] = error[:, j] <= max(RULES.guessed * largest[j], RULES.guessed_size * least)
-    for effect in twin.effects:
-        if not effect.local or effect.axis not in twin.machine.axes:
-            continue
+        out[:, j] = error[:, j] <= max(
+            RULES.guessed * np.max(own[j], initial=0.0), RULES.guessed_size * least
+        )
+    for effect in (e for e in twin.effects if e.local and e.axis in twin.machine.axes):
         j = twin.machine.axes[str(effect.axis)].index
-        out[:, j] &= effect.known(motion) & (error[:, j] <= floor.get(j, np.inf))
+        # all knots of a table share an error, as of gravity, that is no place's own
+        shared = np.hypot(floor[j], np.median(own[j])) if j in floor else np.inf
+        out[:, j] &= effect.known(motion) & (error[:, j] <= shared)
     return out
 
 

@@ -72,8 +72,8 @@ class Case:
         """Return the case of a question's rows.
 
         What a validation log contradicts is no cause. Neither is what acts at instants or places, is no larger than
-        the noise of the effort, and is few pulses or is in the reading: at a constant speed the steps of an encoder,
-        sampled, come and go slowly (aliasing).
+        the noise of the effort [1], and is few pulses or is in the reading: at a constant speed the steps of an
+        encoder, sampled, come and go slowly (aliasing).
         """
         best = {(r.name, r.axis): r for r in sorted(rows, key=lambda r: r.score)}
 

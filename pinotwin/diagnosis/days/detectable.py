@@ -62,11 +62,12 @@ def detectable(asked: Asked, bars: Mapping[str, float]) -> list[Limit]:
     for axis in asked.r.axes:
         at = Place(asked.r, axis, asked.q.logs)
         for cause in PLAIN:
-            error = asked.error(f"{cause}:{axis}" if cause == "zero" else cause, axis)
-            if error is None:
+            found = asked.error(f"{cause}:{axis}" if cause == "zero" else cause, axis)
+            if found is None:
                 continue
+            error, told = found
             bar = bars.get(GROUP[cause], max(bars.values()))
-            least = error * (np.sqrt(2.0 * bar) + 1.28)
+            least = max(error * np.sqrt(2.0 * bar), told) + 1.28 * error
             name, before, one, unit = unit_of(cause, at)
             out.append(Limit(effect_of(cause), axis, name, float(abs(least * one)), unit, float(before)))
     return out

@@ -29,6 +29,7 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
                 c["du"] * w["late"] * 0.5 * s.cycle,
                 c["a"] * w["inertia"],
                 c["s"] * w["snap"],
+                c["unsure"],
             ]
         )
     }

@@ -77,9 +77,8 @@ def evidence(
         rows += [*recording_rows(asked), *limit_rows(asked)]
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
     steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
-    share = len(q.logs) * float(np.mean([s.t[-1] for s in q.logs]))
     rows = [
-        replace(r, score=r.score - max(share * healthy.get((r.name, r.axis, r.what), 0.0), 0.0))
+        replace(r, score=r.score * _beyond(healthy.get((r.name, r.axis, r.what), 0.0), r))
         for r in rows
         if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
@@ -90,9 +89,14 @@ def evidence(
 
 @cache
 def usual(r: Reference) -> dict[tuple[str, str, str], float]:
-    """Return row -> score that it has on the twin's own days, which nobody doubts [nats/s]."""
-    total = sum(float(s.t[-1]) for s in r.logs)
-    return {(x.name, x.axis, x.what): x.score / total for x in Asked(Question.of(r, r.logs)).rows(every=True)}
+    """Return row -> its size on the twin's own days, which nobody doubts, over the effort [1]; of those it shows."""
+    rows = Asked(Question.of(r, r.logs)).rows(every=True)
+    return {(x.name, x.axis, x.what): x.worth for x in rows if x.score > 0.0}
+
+
+def _beyond(own: float, row: Row) -> float:
+    """Return the share of a score that stays for what is beyond the size on own days: a score goes with its square."""
+    return 1.0 if row.score <= 0.0 else max(1.0 - own / max(row.worth, 1e-300), 0.0) ** 2
 
 
 def case_of(

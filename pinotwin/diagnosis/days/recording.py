@@ -151,7 +151,7 @@ def _late(asked: Asked, name: str) -> list[Row]:
         each = [asked.r.residuals(_earlier(s, name, delay), [name])[name, "law"] for s in asked.q.logs]
         return float(sum(np.log(np.var(x)) for x in each))
 
-    best = _best(delays, 0.0, rest)
+    best = _best(np.asarray(delays, dtype=float), 0.0, rest)
     if not best:
         return []
     logs = [_earlier(s, name, best) for s in asked.q.logs]

@@ -111,12 +111,20 @@ class Asked:
         each = [np.asarray(np.bincount(k, g), dtype=float) for k, g in zip(logs, gains, strict=True)]
         return [float(x) for x in _sum([np.zeros(len(self.q.logs)), costs, *each])]
 
-    def error(self, cause: str, axis: str) -> float | None:
-        """Return the standard error of a cause's number beside a healthy day [its unit]; None where it does not act."""
+    def error(self, cause: str, axis: str) -> tuple[float, float] | None:
+        """Return the standard error of a cause's number beside a healthy day, and from where it is worth a word.
+
+        Both in its unit; None where it does not act.
+        """
         axes = self.r.axes if cause in self.tried.wide else (axis,)
         keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
         use = [(self.cells[a][e], self.cells[a][e].at[cause]) for a, e in keys]
-        return float(score(use, 1).error[0]) if use and len(use[0][1]) == 1 else None
+        if not use or len(use[0][1]) != 1:
+            return None
+        one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False)
+        return float(score(use, 1).error[0]), max(
+            SETTINGS.told.get(group_of(cause), 0.0), SETTINGS.share / one
+        )
 
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
         """Return the equations that a cause, or what was found, acts on."""
@@ -200,9 +208,8 @@ def _can_be(name: str, theta: Floats, error: Floats) -> bool:
 
 def _small(name: str, group: str, worth: float, theta: float) -> bool:
     """Whether a cause is smaller than is worth a word: 1 % of the effort (5 % for a while) or a gain, 2 µm of play."""
-    least = {"law": 0.01, "play": 0.02, "encoder": 0.02}.get(group, 0.0)
-    share = 0.05 if group in ("time", "place") else 0.01
-    return abs(theta) < least or (name != "payload" and worth < share)
+    share = SETTINGS.share * (5.0 if group in ("time", "place") else 1.0)
+    return abs(theta) < SETTINGS.told.get(group, 0.0) or (name != "payload" and worth < share)
 
 
 def _none() -> Ints:

@@ -16,6 +16,8 @@ class Settings:
         number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
         widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
             half cycles.
+        share: of the effort, below which a cause is not worth a word; five times that of what acts for a while.
+        told: the least number worth a word, by group: of a gain its change, of two encoders tenths of a millimetre.
         likely: probability of a cause that has acted from which it is named.
         prior_days: how many days that prior counts for.
     """
@@ -27,6 +29,8 @@ class Settings:
     freedom: float = 4.0
     number: float = 2.0
     place: float = 8.0
+    share: float = 0.01
+    told: dict[str, float] = field(default_factory=lambda: {"law": 0.01, "play": 0.02, "encoder": 0.02})
     likely: float = 0.5
     prior_days: int = 3
     widths: dict[str, float] = field(

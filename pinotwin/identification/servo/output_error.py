@@ -134,11 +134,7 @@ def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | 
 
 
 def polish(
-    p: AxisProblem,
-    servo: Servo,
-    plant: Sequence[str] = (),
-    steps: int = 12,
-    known: Floats | None = None,
+    p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int = 12, known: Floats | None = None
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
 
