@@ -163,8 +163,9 @@ class Motion(Card):
             self, segments=segments, step=self.step * count, decimation=thinner, **self._at(picked)
         )
 
-    def at(self, rows: Ints, block: Ints) -> Self:
+    def at(self, rows: Ints, block: Ints | None = None) -> Self:
         """Return ascending ``rows``, shape (m,), even within each ``block``, (m,), as a motion; nothing is filtered."""
+        block = np.zeros(len(rows), dtype=np.intp) if block is None else block
         edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(rows)]
         segments = tuple(slice(a, b) for a, b in pairwise(edges))
         every = int(rows[1] - rows[0]) if len(rows) > 1 else 1

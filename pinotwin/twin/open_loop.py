@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -141,17 +141,33 @@ class OpenLoop:
         It says where a motion asks for what the logs of the identification did not tell: places that they hardly
         visited, inertias that they did not move. What the model itself lacks is not in it.
         """
+        out = np.zeros((len(motion), self.machine.nv))
+        for j, X, C in self._acting(motion):
+            out[:, j] = np.sqrt(np.maximum(np.einsum("np,np->n", X @ C, X), 0.0))
+        return out
+
+    def effort_errors(self, motion: Motion, most: int = 24) -> Floats:
+        """Return what :meth:`effort` may be off by as independent efforts of one sigma, (n, nv, most) [N or N·m].
+
+        They are the largest of all combinations of the coefficients; their squares sum up to that of the whole error.
+        """
+        out = np.zeros((len(motion), self.machine.nv, most))
+        for j, X, C in self._acting(motion):
+            variance, axes = np.linalg.eigh(np.nan_to_num(C, posinf=0.0))
+            E = X @ (axes * np.sqrt(np.maximum(variance, 0.0)))
+            largest = np.linalg.eigh(E.T @ E)[1][:, ::-1][:, :most]
+            out[:, j, : largest.shape[1]] = E @ largest
+        return out
+
+    def _acting(self, motion: Motion) -> Iterator[tuple[int, Floats, Floats]]:
+        """Yield each joint, the columns that act on it, (n, p), and the covariance of their coefficients, (p, p)."""
         motion = self.scene(motion)
         acting = [(effect.columns(motion), s) for effect, s in zip(self.effects, self.slices, strict=True)]
-        out = np.zeros((len(motion), self.machine.nv))
         for j in range(self.machine.nv):
             here = [(c.values[:, c.joints.index(j), :], s) for c, s in acting if j in c.joints]
             if here:
-                X = np.concatenate([x for x, _ in here], axis=1)
                 at = np.r_[*(s for _, s in here)]
-                variance = np.einsum("np,np->n", X @ self.covariance[np.ix_(at, at)], X)
-                out[:, j] = np.sqrt(np.maximum(variance, 0.0))
-        return out
+                yield j, np.concatenate([x for x, _ in here], axis=1), self.covariance[np.ix_(at, at)]
 
 
 def _sliding(machine: Machine, way: float, far: float = 1e6, fast: float = 1e3) -> Motion:

@@ -27,7 +27,7 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     """
     twin = r.twin
     tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
-    thin = [s.motion.at(s.rows, np.zeros(len(s.rows), dtype=np.intp)) for s in w.logs]
+    thin = [s.motion.at(s.rows) for s in w.logs]
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)

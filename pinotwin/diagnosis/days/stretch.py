@@ -15,7 +15,6 @@ from scipy.signal import butter, filtfilt
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.settings import SETTINGS
-from pinotwin.diagnosis.days.unsure import unsure
 from pinotwin.effects.family import FRICTION
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
@@ -125,7 +124,7 @@ def _stretch(
     edge, every = int(0.3 * rate), max(1, int(rate / (5.0 * corner(rate))))
     rows = np.arange(edge, len(m) - edge, every)
     parts = effort_parts(twin, m)
-    guess = unsure(twin, m.at(rows, np.zeros(len(rows), dtype=np.intp)))
+    guesses = twin.effort_errors(m.at(rows))
     found = {}
     for name in axes:
         j = m.names.index(name)
@@ -134,7 +133,7 @@ def _stretch(
         columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
         found[name] = {k: x[rows] for k, x in columns.items()}
         noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
-        found[name] |= {"raw": np.array([noise]), "unsure": guess[:, j]}
+        found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j]}
     t = m.t[rows] - m.t[0]
     cell = (t / SETTINGS.cell).astype(np.intp)
     return Stretch(t, every * m.step, m.step, *at, cell, found, m, rows, left)
