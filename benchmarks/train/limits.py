@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import pinotwin as pt
-from benchmarks.train.rows import _stretches
-from pinotwin.arrays import Floats
+from benchmarks.train.rows import stretches_of
 from pinotwin.diagnosis.days.causes import Place, effect_of, unit_of
 from pinotwin.diagnosis.days.decision import known, trained
 from pinotwin.diagnosis.days.detectable import PLAIN, Limit, detectable
@@ -31,13 +30,9 @@ RATE, EACH = 0.02, 4
 def _with(
     left: Sequence[Left], columns: Sequence[dict[str, Acts]], cause: str, axis: str, size: float
 ) -> list[Left]:
-    out = [dict(x) for x in left]
-    for x, acts in zip(out, columns, strict=True):
-        for equation, column in acts[cause].items():
-            x[axis, equation] = x[axis, equation] + size * np.asarray(column, dtype=float).reshape(
-                len(x[axis, equation])
-            )
-    return out
+    """Return what equations leave of some stretches, (n,) each, with a cause of one number in an axis."""
+    more = [{(axis, e): size * column.ravel() for e, column in acts[cause].items()} for acts in columns]
+    return [{**x, **{key: x[key] + y for key, y in add.items()}} for x, add in zip(left, more, strict=True)]
 
 
 def asked(base: Path, rng: np.random.Generator) -> list[tuple[str, bool, bool]]:
@@ -47,34 +42,28 @@ def asked(base: Path, rng: np.random.Generator) -> list[tuple[str, bool, bool]]:
     logs = [pt.read(base / "none" / f"{k}.csv") for k in ("train", "repeat", "valid")]
     if r is None:
         return []
-    q = Question.of(r, _stretches(r, logs[:2]), _stretches(r, logs[2:]))
+    q = Question.of(r, stretches_of(r, logs[:2]), stretches_of(r, logs[2:]))
     _, _, first = evidence(q)
     causes = {effect_of(x): x for x in reversed(PLAIN)}
-    every = [
-        x
-        for x in detectable(first, decision.bars[known(r.days)])
-        if _possible(x) and causes[x.effect] != "zero"
-    ]
+    every = [x for x in detectable(first, decision.bars[known(r.days)]) if _possible(x)]
     for limit in (every[k] for k in rng.permutation(len(every))[:EACH]):
         cause, axis = causes[limit.effect], limit.axis
         size = limit.change / abs(unit_of(cause, Place(r, axis, q.logs))[2])
         left = _with(q.left, first.tried.columns[axis], cause, axis, size)
         seen = _with(q.valid_left, first.tried.unseen[axis], cause, axis, size)
         case, _, _ = evidence(Question(r, q.logs, left, q.valid, seen))
-        P: Floats = decision.probabilities(case)
-        said = bool(P[0] < decision.limit(RATE, r.days))
-        best = int(np.argmax(P[1:])) - 1
-        named = best >= 0 and (effect_of(case.causes[best].name), case.causes[best].axis) == (
-            limit.effect,
-            axis,
-        )
-        out.append((cause, said, said and named))
+        P = decision.probabilities(case)
+        said, best = bool(P[0] < decision.limit(RATE, r.days)), int(np.argmax(P[1:])) - 1
+        row = case.causes[best] if said and best >= 0 else None
+        named = row is not None and (effect_of(row.name), row.axis) == (limit.effect, axis)
+        out.append((cause, said, named))
     return out
 
 
 def _possible(x: Limit) -> bool:
-    """Whether a change of the stated size can be: a friction is no more than ten times its own."""
-    return x.effect not in ("friction_scale", "position_gain", "velocity_feedforward") or x.change < 1.0
+    """Whether a change is put in: of a factor less than itself, and none that acts on several axes."""
+    factors = ("friction_scale", "position_gain", "velocity_feedforward")
+    return x.effect != "zero" and (x.effect not in factors or x.change < 1.0)
 
 
 def main(words: Sequence[str]) -> None:

@@ -125,7 +125,8 @@ def formed(logs: Sequence[Stretch], kind: str, axis: str, rng: np.random.Generat
     return out
 
 
-def _stretches(r: Reference, logs: Sequence[Log]) -> list[Stretch]:
+def stretches_of(r: Reference, logs: Sequence[Log]) -> list[Stretch]:
+    """Return the stretches of some logs beside healthy days."""
     out = []
     for k, log in enumerate(logs):
         m = with_model_effort(r.twin.motion(log), r.twin.effects, r.twin.theta)
@@ -172,7 +173,7 @@ def lines(base: Path, *, single: bool = False) -> list[dict[str, Any]]:
         if answer["kind"] == "held_rows":
             continue  # `check` proves it
         logs = [pt.read(d / f"{k}.csv") for k in runs]
-        q = Question.of(r, _stretches(r, logs[:2]), _stretches(r, logs[2:]))
+        q = Question.of(r, stretches_of(r, logs[:2]), stretches_of(r, logs[2:]))
         causes = answer["causes"]
         what = {"machine": twin.machine.name, "case": d.name, "kind": answer["kind"]}
         out.append(_line(q, lambda row, causes=causes: right(causes, row), **what))
@@ -180,7 +181,7 @@ def lines(base: Path, *, single: bool = False) -> list[dict[str, Any]]:
     for n, kind in enumerate(FORMED):
         d, axis = base / ("none_2", "none_3")[n % 2], str(rng.choice(r.axes))
         if (d / "answer.json").exists():
-            each = [_stretches(r, [pt.read(d / f"{k}.csv")]) for k in runs]
+            each = [stretches_of(r, [pt.read(d / f"{k}.csv")]) for k in runs]
             logs = [replace(s, log=k) for k, s in enumerate(s for x in each for s in x)]
             logs, seen = formed(logs, kind, axis, rng), sum(map(len, each[:2]))
             q = Question.of(r, logs[:seen], logs[seen:])
@@ -191,7 +192,7 @@ def lines(base: Path, *, single: bool = False) -> list[dict[str, Any]]:
         d, axis = base / ("none_2", "none_3")[n % 2], str(rng.choice(r.axes))
         if (d / "answer.json").exists():
             bad = [spoilt(pt.read(d / f"{k}.csv"), kind, axis, rng) for k in runs[:2]]
-            q = Question.of(r, _stretches(r, bad))
+            q = Question.of(r, stretches_of(r, bad))
             what = {"machine": twin.machine.name, "case": f"spoilt_{kind}", "kind": f"spoil_{kind}"}
             out.append(
                 _line(
