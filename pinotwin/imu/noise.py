@@ -14,9 +14,11 @@ def white_level(x: Floats) -> Floats:
 
 
 def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:
-    """Return where a sensor rests, (n,), by rates [rad/s] and forces [m/s²], (n, 3) each, at ``rate`` [Hz]."""
-    # Windows with deviations within twice those of the quietest and with their mean rate; these must scatter like noise
-    # (von Neumann's ratio) about a rate that can be a bias, else there is no rest.
+    """Return where a sensor rests, (n,), by rates [rad/s] and forces [m/s²], (n, 3) each, at ``rate`` [Hz].
+
+    Windows of 0.3 s with deviations within twice those of the quietest (2 % quantile) and with their mean rate; these
+    must scatter like noise (von Neumann's ratio) about a rate that can be a bias, else the mask is empty.
+    """
     m = max(8, round(0.3 * rate))
     if len(gyr) < 2 * m:
         return np.zeros(len(gyr), dtype=bool)

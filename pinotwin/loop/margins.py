@@ -122,7 +122,14 @@ def stable(servo: Servo, inertia: float, viscous: float = 0.0) -> bool:
 def margins(
     servo: Servo, inertia: float, viscous: float = 0.0, band: tuple[float, float, int] = (0.05, 2000.0, 4000)
 ) -> Margins:
-    """Return the stability margins around M [kg, kg·m²], B [N·s/m, N·m·s/rad]; ``band``: ends [Hz], how many."""
+    """Return the stability margins of a controller around a rigid axis.
+
+    Args:
+        servo: the controller, as identified or with other gains (``servo.scaled(all=1.3)``).
+        inertia: M of the axis, ``twin.diagonal["inertia"]`` [kg or kg·m²].
+        viscous: B of the axis [N·s/m or N·m·s/rad].
+        band: lowest and highest frequency [Hz] at which the loop is looked at, and at how many.
+    """
     f = np.geomspace(*band)
     L = open_loop(servo, inertia, viscous, f)
     size = np.abs(L)

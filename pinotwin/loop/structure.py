@@ -7,7 +7,15 @@ All transfer functions of an axis share one characteristic polynomial (thesis Eq
 Dfb holds the poles of plant and feedback, Dff those that make the feed-forward causal (Table 4-1). The disturbance
 never passes the feed-forward: G_ed and G_ud are fractions over Dfb alone ("exact"). Eq. 4.17, 4.18, 5.7 and 5.9 leave
 that factor out ("source"), which adds the lag of Dff; the option is kept for comparison. The command enters through
-its velocity. A numerator is said by its relative degree, and by its gain at frequency zero where that is known.
+its velocity. A numerator is said by its relative degree, and its gain at frequency zero where that is known:
+
+    =========  ============  ============  ============
+    output     own d         further d     velocity of qr
+    =========  ============  ============  ============
+    e          2, free       2, gain 0     1, free
+    u          1, gain 1     1, gain 0     1, free
+    v (extra)  2, gain 0     1, gain 0     2, gain 0
+    =========  ============  ============  ============
 
 Feed-forward poles: a tuple preassigns them [Hz]; None preassigns both at the sampling frequency (as the source does at
 250 Hz); "search" searches one double pole; () puts them at infinity, as in a sampled controller.

@@ -19,7 +19,10 @@ def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
 
 
 def long_run(scores: Floats, lag: int) -> Floats:
-    """Return the covariance of the sum of correlated scores (n, p), triangular window (Newey & West 1987), (p, p)."""
+    """Return the covariance of the sum of correlated scores (n, p), triangular window, (p, p).
+
+    Newey & West 1987, doi:10.2307/1913610.
+    """
     window = min(lag, len(scores) - 1) + 1
     return bartlett(np.pad(scores, ((0, window), (0, 0))), window)
 
@@ -45,9 +48,10 @@ def block_covariance(columns: Floats, residual: Floats) -> Floats:
 
 
 def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, int]:
-    """Return covariance and number of blocks (Liang & Zeger 1986) from H and the scores S (n, p) of ``count`` rows.
+    """Return covariance and number of blocks from H and the scores S (n, p) of ``count`` rows.
 
-    The block length follows the memory of the influence on the first ``leading`` parameters.
+    The block length follows the memory of the influence on the first ``leading`` parameters (Liang & Zeger 1986,
+    doi:10.1093/biomet/73.1.13, with time blocks as clusters).
     """
     size = np.sqrt(np.diag(H))
     size = np.where(size > 0, size, 1.0)
@@ -60,7 +64,10 @@ def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats,
 
 
 def block_length(influence: Floats, fewest: int = 20) -> int:
-    """Return five integrated autocorrelation times (Geyer 1992), at most the rows over the fewest blocks."""
+    """Return five integrated autocorrelation times, at most the rows over the fewest blocks.
+
+    By the initial positive sequence (Geyer 1992, doi:10.1214/ss/1177011137).
+    """
     n = len(influence)
     longest = max(n // fewest, 1)
     padded = 1 << (2 * n - 1).bit_length()
