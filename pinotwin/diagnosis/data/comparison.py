@@ -317,9 +317,8 @@ def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], own: Mappi
     out = np.ones(motion.q.shape, dtype=bool)
     error = twin.effort_error(motion) if floor else np.zeros(motion.q.shape)
     for j, least in floor.items():
-        out[:, j] = error[:, j] <= max(
-            RULES.guessed * np.max(own[j], initial=0.0), RULES.guessed_size * least
-        )
+        most = RULES.guessed * np.max(own[j], initial=0.0)
+        out[:, j] = error[:, j] <= max(most, RULES.guessed_size * least)
     for effect in (e for e in twin.effects if e.local and e.axis in twin.machine.axes):
         j = twin.machine.axes[str(effect.axis)].index
         # all knots of a table share an error, as of gravity, that is no place's own

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -316,7 +316,7 @@ class Answer:
             words = "" if row is None else f": {row.axis} {described(row)}"
             likely = [f"Possible, not sure: {maybe}"] if maybe else []
             return [f"Something has changed that no known cause explains for certain{words}", *likely]
-        seen = seen_words([x.plain() for x in self.judged.detectable])
+        seen = seen_words([*map(asdict, self.judged.detectable)])
         return ["No change found", *([seen] if seen else [])]
 
 
@@ -441,6 +441,6 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
         machine=c.machine.name,
         subject=c.twin,
         recording=a.recording(),
-        detectable=[x.plain() for x in a.judged.detectable],
+        detectable=[*map(asdict, a.judged.detectable)],
         evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -42,10 +41,6 @@ class Limit:
     change: float
     unit: str
     before: float
-
-    def plain(self) -> dict[str, Any]:
-        """Return what stands in diagnosis.json."""
-        return dict(vars(self))
 
 
 def detectable(asked: Asked, bars: Mapping[str, float]) -> list[Limit]:

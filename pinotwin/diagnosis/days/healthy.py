@@ -41,12 +41,10 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
     if name in r.twists and "gap" in c:
         soft = r.twist(c) * 0.05 * abs(r.twists[name][0])
         out["encoders"] = np.column_stack([c["one"], (c["q"] - c["q"].mean()) * 1e-5, soft])
-    unsure = found.get((name, "law"), 0.0)
-    if unsure and "law" in out:
-        terms = np.column_stack([c[k] for k in TERMS]) * r.laws[name].gains
-        out["law"] = np.column_stack([out["law"], terms * unsure])
-    unsure = found.get((name, "plant"), 0.0)
-    if unsure:
-        parts = np.column_stack([c["dry"], c["viscous"], c["rest"]])
-        out["plant"] = np.column_stack([out["plant"], parts * unsure])
+    parts = {"plant": [c["dry"], c["viscous"], c["rest"]]}
+    if "law" in out:
+        parts["law"] = [c[k] * gain for k, gain in zip(TERMS, r.laws[name].gains, strict=True)]
+    for equation, terms in parts.items():
+        if unsure := found.get((name, equation)):
+            out[equation] = np.column_stack([out[equation], *(x * unsure for x in terms)])
     return out

@@ -18,6 +18,7 @@ from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.effects.scene import with_model_effort
+from pinotwin.signals import runs
 
 POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr": -3, "ie": 1}
 """Channel -> power of the clock's scale that it has."""
@@ -48,13 +49,11 @@ def _frozen(s: Stretch, name: str) -> Mask:
     """Return where the effort stands still for a tenth of a second and more, (n,)."""
     u = s.motion.u[:, s.motion.names.index(name)]
     t = s.motion.t - s.motion.t[0]
-    same = np.r_[False, np.diff(u) == 0.0, False].astype(int)
-    edges = np.flatnonzero(np.diff(np.r_[0, same]))
     out = np.zeros(len(s.t), dtype=bool)
-    for a, b in zip(edges[::2], edges[1::2], strict=False):
-        end = t[min(b, len(t) - 1)]
-        if end - t[a] > 0.1:
-            out |= (s.t > t[a] - 0.06) & (s.t < end + 0.06)
+    for x in runs(np.diff(u) == 0.0):
+        begin, end = t[x.start + 1], t[min(x.stop + 1, len(t) - 1)]
+        if end - begin > 0.1:
+            out |= (s.t > begin - 0.06) & (s.t < end + 0.06)
     return out
 
 
@@ -78,9 +77,9 @@ def limit_rows(asked: Asked) -> list[Row]:
             events += int(np.sum(np.diff(at.astype(int)) > 0))
         c = cells(asked.r, asked.q.logs, left, name, spoilt=Spoilt(rows, measured=True))
         spans = [
-            (k, float(s.t[a]), float(s.t[b - 1]))
+            (k, float(s.t[x.start]), float(s.t[x.stop - 1]))
             for k, (s, at) in enumerate(zip(asked.q.logs, rows, strict=True))
-            for a, b in _runs(at)
+            for x in runs(at)
         ]
         since = [min(a for n, a, _ in spans if n == k) for k in sorted({n for n, _, _ in spans})]
         level = float(np.median([_held(asked.q.logs[k], name, a, b) for k, a, b in spans]))
@@ -94,11 +93,6 @@ def _held(s: Stretch, name: str, a: float, b: float) -> float:
     m = s.motion
     rows = (m.t - m.t[0] >= a) & (m.t - m.t[0] <= b)
     return float(np.quantile(np.abs(m.u[rows, m.names.index(name)]), 0.95))
-
-
-def _runs(at: Mask) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.r_[0, at.astype(int), 0]))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) -> tuple[Floats, Mask] | None:

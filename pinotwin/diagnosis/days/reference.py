@@ -22,7 +22,6 @@ from pinotwin.twin import Twin
 EQUATIONS = ("plant", "law", "encoders")
 SEVERAL = 3
 """Logs of a twin from which on each is held against the others; of fewer, thirds stand for them."""
-Residuals = Mapping[tuple[str, str], Floats]
 
 
 @dataclass(frozen=True, eq=False)
