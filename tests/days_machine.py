@@ -38,9 +38,7 @@ class Day:
     friction: dict[str, float] = field(default_factory=dict)  # axis -> factor
     kp: dict[str, float] = field(default_factory=dict)  # axis -> factor of the position gain
     motor: dict[str, float] = field(default_factory=dict)  # axis -> torque that an effort gives, over nominal
-    drift: dict[str, float] = field(
-        default_factory=dict
-    )  # axis -> rate of an effort from outside [N/s, N·m/s]
+    drift: dict[str, float] = field(default_factory=dict)  # axis -> how fast an effort grows [N/s, N·m/s]
     began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 

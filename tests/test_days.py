@@ -95,10 +95,7 @@ def _pulses(what: str, score: float, spread: float, worth: float) -> Row:
         ([_pulses("", 90.0, 12.0, 0.10)], 1),  # many small pulses
         ([_pulses("", 90.0, 4.0, 0.10)], 0),  # few
         ([_pulses("", 90.0, 4.0, 0.20)], 1),  # few, and twice the noise
-        (
-            [_pulses("", 90.0, 12.0, 0.10), _pulses("read", 200.0, 12.0, 0.10)],
-            0,
-        ),  # the law shows them as well
+        ([_pulses("", 90.0, 12.0, 0.10), _pulses("read", 200.0, 12.0, 0.10)], 0),  # the law shows them too
         ([_pulses("", 90.0, 12.0, 0.10), _pulses("read", -50.0, 12.0, 0.10)], 2),  # the law does not
     ],
 )
