@@ -10,8 +10,10 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis.days.courses import onset
 from pinotwin.diagnosis.days.decision import Case
+from pinotwin.diagnosis.days.judge import _named, evidence
 from pinotwin.diagnosis.days.law import Law
-from pinotwin.diagnosis.days.row import Row
+from pinotwin.diagnosis.days.reference import Reference, reference
+from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Cells, score
 from pinotwin.diagnosis.days.whitening import Whitening
 from tests.days_machine import Day, machine, write
@@ -103,6 +105,37 @@ def test_pulses_within_the_noise_of_the_effort_are_none_where_they_are_in_the_re
     rows: list[Row], stand: int
 ) -> None:
     assert len(Case.of(rows, {}, {"X": 0.08}, 2, first=True).causes) == stand
+
+
+@pytest.fixture(scope="module")
+def known_days(twin: pt.Twin) -> Reference:
+    found = reference(twin, ["X", "A"])
+    assert found is not None
+    return found
+
+
+def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> None:
+    for day in range(3):
+        logs = [s for s in known_days.logs if s.log == day]
+        _, rows, _ = evidence(Question.of(known_days, logs))
+        plain = [r.score for r in rows if r.group not in ("recording", "limit")]
+        assert len(plain) > 5
+        assert max(plain) <= 1e-9
+
+
+def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:
+    rows = [_friction("friction_scale", 60.0), _friction("coulomb", 59.5), _friction("viscous", 20.0)]
+    case = Case.of(rows, {}, {"X": 0.01}, 2, first=True)
+    found = _named(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]), 0)
+    assert found.row.name == "friction_scale"
+    assert found.probability == pytest.approx(0.94 / 0.98)
+    assert [r.name for r in found.alike] == ["coulomb"]
+
+
+def _friction(name: str, score: float) -> Row:
+    return Row(
+        name, "X", "friction", score, {"plant": score}, 2.0, 1, 0.5, 0.01, 50.0, 0.2, [score], 1.0, 9.0
+    )
 
 
 def test_a_late_command_is_a_fault_of_the_recording(folder: Path, twin: pt.Twin) -> None:

@@ -103,7 +103,7 @@ def formed(logs: Sequence[Stretch], kind: str, axis: str, rng: np.random.Generat
             "quadratic_drag": np.sign(v) * np.abs(v) ** 2.1,
             "push": pushed(t, s.log),
         }[kind]
-        return s.taken(x)
+        return np.asarray(x)
 
     def pushed(t: Floats, run: int) -> Floats:
         """Return rectangular pushes at other times in every run, (m,)."""
@@ -111,17 +111,17 @@ def formed(logs: Sequence[Stretch], kind: str, axis: str, rng: np.random.Generat
         return np.asarray(np.sum([(t >= a) & (t < a + 0.3 + share) for a in start], axis=0, dtype=float))
 
     each = [course(s) for s in logs]
+    taken = [s.taken(x) for s, x in zip(logs, each, strict=True)]
     effort = float(np.std(np.concatenate([s.axes[axis]["u"] for s in logs])))
-    scale = (
-        np.exp(rng.uniform(np.log(0.04), np.log(0.5)))
-        * effort
-        / max(float(np.std(np.concatenate(each))), 1e-300)
-    )
+    size = max(float(np.std(np.concatenate(taken))), 1e-300)
+    scale = np.exp(rng.uniform(np.log(0.04), np.log(0.5))) * effort / size
     channels = ("left", "u") if rng.random() < 0.3 else ("left",)
     out = []
-    for s, x in zip(logs, each, strict=True):
-        c = s.axes[axis]
-        out.append(replace(s, axes={**s.axes, axis: {**c, **{k: c[k] + scale * x for k in channels}}}))
+    for s, x, y in zip(logs, each, taken, strict=True):
+        c, u = s.axes[axis], s.motion.u.copy()
+        u[:, j] += scale * x
+        axes = {**s.axes, axis: {**c, **{k: c[k] + scale * y for k in channels}}}
+        out.append(replace(s, axes=axes, motion=replace(s.motion, u=u)))
     return out
 
 

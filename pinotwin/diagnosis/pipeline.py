@@ -37,7 +37,6 @@ from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, 
 from pinotwin.effects import Effect
 from pinotwin.effects.known import EffectLike, kind_of, with_given
 from pinotwin.errors import DataError, InputError
-from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
@@ -86,9 +85,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    tell, seed, subject = report or _silent, _seed(seed, random_state), as_subject(subject)
+    tell, seed, subject = report or (lambda *_: None), _seed(seed, random_state), as_subject(subject)
     tell("preparing the logs", 0.02)
-    logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
+    logs, unseen = as_logs(log), [] if validate is None else as_logs(validate, "validate")
+    if not logs:
+        raise DataError("no log given; give at least one")
     c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin))
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
@@ -248,7 +249,8 @@ def _concluded(
 ) -> Diagnosis:
     c, found, rules = account.comparison, account.found, account.rules
     pushed = [p for p, _ in account.pushed]
-    ordered = sorted(every, key=_closes)
+    # by the share of the squared residual that they explain, most first
+    ordered = sorted(every, key=lambda e: -next((x.share for x in e.shrink.values()), float("inf")))
     named = [e for e in ordered if e.confidence >= rules.named]
     possible = [e for e in ordered if e.confidence < rules.named]
     verdict = judge(c, found, gaps, named, possible, rules)
@@ -309,11 +311,6 @@ def _untold(named: Sequence[Found]) -> list[str]:
     return out
 
 
-def _closes(e: Found) -> float:
-    """Return what causes are ordered by: the share of the squared residual that they explain, most first."""
-    return -next((x.share for x in e.shrink.values()), float("inf"))
-
-
 def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:
     """Return what the twin already lacked on its own logs: no change, but worth identifying."""
     if c.own is None:
@@ -357,13 +354,6 @@ def _times(p: Episodes, axis: str) -> list[Region]:
     return sorted(found, key=lambda r: -r.share)[:MOST_TIMES]
 
 
-def _logs(given: LogLike | Sequence[LogLike]) -> list[Log]:
-    logs = as_logs(given)
-    if not logs:
-        raise DataError("no log given; give at least one")
-    return logs
-
-
 def _seed(seed: int, random_state: int | None) -> int:
     """Return the one seed that was given."""
     if random_state is None:
@@ -371,7 +361,3 @@ def _seed(seed: int, random_state: int | None) -> int:
     if seed:
         raise InputError("diagnose: seed and random_state are two names of one thing; give one of them")
     return random_state
-
-
-def _silent(stage: str, done: float) -> None:
-    del stage, done

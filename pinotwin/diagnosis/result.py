@@ -102,7 +102,7 @@ class Found:
 
     effect: str  # name in the table of effects
     axis: str | None  # axis, or None for the machine
-    confidence: float  # probability that this is the effect
+    confidence: float  # probability that this is the effect, or one of those that are confusable with it
     shape: Mapping[str, float]  # shape values, SI
     theta: Mapping[str, float]  # coefficients, SI
     shrink: Mapping[str, Shrink]  # per signal, the effect alone

@@ -53,7 +53,8 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
 def shade(found: Diagnosis, axis: str) -> Colour:
     """Return the colour of an axis: of what is open or near it, of what changed, else grey."""
     changed = COLOURS["gap explained"] if found.state(axis) == "changed" else GREY
-    return COLOURS.get(_grade(found, axis), changed)
+    graded = found.grade(axis, "u") if "u" in found.gap.get(axis, {}) else "not judged"
+    return COLOURS.get(graded, changed)
 
 
 def mark(drawn: Scene, found: Diagnosis, machine: Machine) -> None:
@@ -80,10 +81,6 @@ def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.
             left = np.where(away < near, np.interp(at, trace.t, trace.after), np.nan)
             series[trace.axis]["gap"] = [*series[trace.axis]["gap"], ("with the causes", "#2b6cb0", left)]
     return replace(tracks, series=series)
-
-
-def _grade(found: Diagnosis, axis: str) -> Grade:
-    return found.grade(axis, "u") if "u" in found.gap.get(axis, {}) else "not judged"
 
 
 def _told(found: Diagnosis, axes: Iterable[str]) -> str:

@@ -203,8 +203,7 @@ class Answer:
 
     def _law(self, row: Row, axis: str) -> Shrink:
         """Return how far the residual of the controller's law shrinks."""
-        parts = [self.r.residuals(s, [axis])[axis, "law"] for s in self.new.stretches]
-        before = rms(np.concatenate(parts))
+        before = rms(np.concatenate(self.r.left(self.new.stretches, axis, "law")))
         share = float(np.clip(row.closed.get("law", 0.0), 0.0, 1.0))
         return shrunk(before, share, (max(2.0 * share - 1.0, 0.0), 1.0), share, "held-out blocks", None)
 
@@ -215,13 +214,10 @@ class Answer:
         for name in self.r.axes:
             if (name, "encoders") not in self.r.whitenings:
                 continue
-            left = [self.r.residuals(s, [name])[name, "encoders"] for s in self.new.stretches]
-            size = rms(
-                np.concatenate(
-                    [s.axes[name]["gap"] - np.mean(s.axes[name]["gap"]) for s in self.new.stretches]
-                )
-            )
-            usual = rms(np.concatenate([self.r.residuals(s, [name])[name, "encoders"] for s in self.r.logs]))
+            left = self.r.left(self.new.stretches, name, "encoders")
+            gaps = [s.axes[name]["gap"] for s in self.new.stretches]
+            size = rms(np.concatenate([x - x.mean() for x in gaps]))
+            usual = rms(np.concatenate(self.r.left(self.r.logs, name, "encoders")))
             level, shrinks = rms(np.concatenate(left)), {}
             now = level
             for x in self.named:
@@ -318,6 +314,11 @@ class Answer:
             return [f"Something has changed that no known cause explains for certain{words}", *likely]
         seen = seen_words([*map(asdict, self.judged.detectable)])
         return ["No change found", *([seen] if seen else [])]
+
+
+def _group(x: Named, r: Reference) -> list[str]:
+    """Return the effects that these logs cannot tell apart, each with its axis: ``Y.coulomb``."""
+    return list(dict.fromkeys(f"{axis_of(x.row, r)}.{effect_of(y.name)}" for y in (x.row, *x.alike)))
 
 
 def _finite(x: float) -> float | None:
@@ -424,7 +425,7 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
         where=where,
         effects=effects,
         possible=[a.told(x) for x in a.judged.possible],
-        confusable=[],
+        confusable=[x for n in a.named if len(x := _group(n, a.r)) > 1],
         unexplained=opened,
         remains=a.remains(),
         noise=a.kind,

@@ -18,17 +18,19 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Stretch
 
 AGAIN = "encoder_step"  # may come again after it was found, if nothing else was: each step is one
 
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """A cause that is named, its probability, and what else it may be."""
+    """A cause that is named, the probability of its class, what else it may be, and what of that class is as likely."""
 
     row: Row
     probability: float
     rivals: Sequence[tuple[Row, float]]
+    alike: Sequence[Row] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +57,8 @@ class Judged:
     possible: Sequence[Named] = ()
 
 
-def everything(row: Row) -> bool:
-    """Admit every row."""
-    del row
-    return True
-
-
 def evidence(
-    q: Question, found: Sequence[Row] = (), admits: Callable[[Row], bool] = everything
+    q: Question, found: Sequence[Row] = (), admits: Callable[[Row], bool] = bool
 ) -> tuple[Case, list[Row], Asked]:
     """Return the case, all rows and the columns of a question beside the causes that were found.
 
@@ -78,7 +74,7 @@ def evidence(
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
     steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
     rows = [
-        replace(r, score=r.score * _beyond(healthy.get((r.name, r.axis, r.what), 0.0), r))
+        replace(r, score=_beyond(healthy.get((r.name, r.axis, r.what), 0.0), r, q.logs))
         for r in rows
         if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
@@ -89,14 +85,25 @@ def evidence(
 
 @cache
 def usual(r: Reference) -> dict[tuple[str, str, str], float]:
-    """Return row -> its size on the twin's own days, which nobody doubts, over the effort [1]; of those it shows."""
-    rows = Asked(Question.of(r, r.logs)).rows(every=True)
-    return {(x.name, x.axis, x.what): x.worth for x in rows if x.score > 0.0}
+    """Return row -> its largest amplitude on one of the twin's own days, which nobody doubts; of rows that show."""
+    out = dict[tuple[str, str, str], float]()
+    for day in sorted({s.log for s in r.logs}):
+        logs = [s for s in r.logs if s.log == day]
+        for x in Asked(Question.of(r, logs)).rows(every=True):
+            if x.score > 0.0:
+                key = (x.name, x.axis, x.what)
+                out[key] = max(out.get(key, 0.0), _amplitude(x, logs))
+    return out
 
 
-def _beyond(own: float, row: Row) -> float:
-    """Return the share of a score that stays for what is beyond the size on own days: a score goes with its square."""
-    return 1.0 if row.score <= 0.0 else max(1.0 - own / max(row.worth, 1e-300), 0.0) ** 2
+def _amplitude(row: Row, logs: Sequence[Stretch]) -> float:
+    """Return the root of what a row gains a second [nats/s]: it goes with the size of the cause."""
+    return float(np.sqrt((row.score + row.price) / sum(s.t[-1] for s in logs)))
+
+
+def _beyond(own: float, row: Row, logs: Sequence[Stretch]) -> float:
+    """Return the score of what is beyond the amplitude on own days [nats]: a score goes with its square."""
+    return row.score * (1.0 if row.score <= 0.0 else max(1.0 - own / _amplitude(row, logs), 0.0) ** 2)
 
 
 def case_of(
@@ -108,7 +115,7 @@ def case_of(
 
 
 def judge(
-    q: Question, decision: Decision, limit: float, admits: Callable[[Row], bool] = everything, most: int = 4
+    q: Question, decision: Decision, limit: float, admits: Callable[[Row], bool] = bool, most: int = 4
 ) -> Judged:
     """Return what has changed: causes are named while P(nothing) [1] is below a limit."""
     found: list[Named] = []
@@ -138,12 +145,15 @@ def judge(
 
 
 def _named(case: Case, P: Floats, best: int) -> Named:
-    """Return the best cause: rows of one effect on one axis are one name."""
-    one = case.causes[best]
-    same = [(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes]
-    order = [int(k) for k in np.argsort(-P[2:]) if not same[k]]
-    rivals = [(case.causes[k], float(P[2 + k])) for k in order[:4]]
-    return Named(one, float(P[2:][same].sum() / max(1.0 - P[0], 1e-9)), rivals)
+    """Return the best cause: rows of one effect are one name, those of one kind of change on its axis one class."""
+    one, p = case.causes[best], P[2:]
+    same = np.array([(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes])
+    kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
+    order = [int(k) for k in np.argsort(-p) if not same[k]]
+    rivals = [(case.causes[k], float(p[k])) for k in order[:4]]
+    # what is as probable but for the price of one number is not told apart
+    alike = [case.causes[k] for k in order if kin[k] and p[k] > p[best] * np.exp(-SETTINGS.number)]
+    return Named(one, float(p[kin].sum() / max(1.0 - P[0], 1e-9)), rivals, alike)
 
 
 def family(name: str) -> str:

@@ -15,6 +15,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.effects.load import Payload
 from pinotwin.effects.tree import Tree
+from pinotwin.signals import rms
 
 Acts = dict[str, Floats]
 READ = "read"
@@ -151,7 +152,7 @@ def part_of(c: Columns, part: str, size: float) -> Floats:
     if knows(c, part, size):
         return np.asarray(c[part])
     course = c["v" if part == "viscous" else "sg"]
-    return np.asarray(course * size / max(float(np.std(course)), 1e-300))
+    return np.asarray(course * size / max(rms(course), 1e-300))
 
 
 def _alike(a: Floats, b: Floats) -> bool:

@@ -13,7 +13,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Spoilt, cells
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
-from pinotwin.diagnosis.days.rows import Asked
+from pinotwin.diagnosis.days.rows import Asked, positive, spread
 from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
@@ -230,7 +230,6 @@ def _again(
             if len(new) == len(was):
                 every.append(new - was)
     gains = np.concatenate(every) if every else np.zeros(1)
-    total = float(gains.sum())
     return Row(
         name=cause,
         axis=axis,
@@ -245,8 +244,6 @@ def _again(
         worth=1.0,
         logs=[float(x) for x in logs],
         closed=closed,
-        positive=float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-9))
-        if every
-        else 1.0,
-        spread=total**2 / max(float((gains**2).sum()), 1e-9) if total > 0.0 else 0.0,
+        positive=positive(gains) if every else 1.0,
+        spread=spread(gains),
     )

@@ -76,6 +76,10 @@ class Reference:
                 out[name, "encoders"] = r - np.median(r)
         return out
 
+    def left(self, logs: Sequence[Stretch], name: str, equation: str) -> list[Floats]:
+        """Return what one equation of an axis leaves of every stretch, shape (n,) each."""
+        return [self.residuals(s, [name])[name, equation] for s in logs]
+
 
 def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     """Return what healthy days of a twin are like; None of a twin of too few logs, whose days nobody has seen."""
@@ -91,10 +95,10 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     known_days = len({s.log for s in logs})
     if not known_days:
         return None
+    bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
     if known_days < SEVERAL:  # the prior stands for the scatter between days
         logs = [part for s in logs for part in s.thirds()]
     days = sorted({s.log for s in logs})
-    bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
     unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
     for day in days:
         known = _fitted(bare, [s for s in logs if s.log != day])

@@ -89,8 +89,8 @@ class Asked:
             z=float(np.linalg.norm(np.clip(theta / np.maximum(error, 1e-300), -1e9, 1e9))),
             worth=worth,
             logs=self._by_log(keys, gains, with_it.costs - alone.costs),
-            positive=float(np.maximum(every, 0.0).sum() / max(float(np.abs(every).sum()), 1e-9)),
-            spread=_spread(every),
+            positive=positive(every),
+            spread=spread(every),
             closed=self._closed(keys, gains),
             valid=self._validated(cause, keys, theta),
             what=what,
@@ -244,7 +244,12 @@ def _sum(parts: Sequence[Floats]) -> Floats:
     return out
 
 
-def _spread(gains: Floats) -> float:
+def positive(gains: Floats) -> float:
+    """Return the share of gains among all changes [1]."""
+    return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-9))
+
+
+def spread(gains: Floats) -> float:
     """Return how many cells carry a gain."""
     total = float(gains.sum())
     return total**2 / max(float((gains**2).sum()), 1e-9) if total > 0.0 else 0.0

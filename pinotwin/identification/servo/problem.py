@@ -148,14 +148,12 @@ class AxisProblem:
         out: list[list[slice]] = []
         for s in sorted((*self.lead, *self.windows), key=lambda s: s.start):
             before = out[-1][-1] if out else None
-            if before is not None and before.stop == s.start and self._one_stretch(before, s):
+            whole = [x for x in self.stretches if before and x.start <= before.start and s.stop <= x.stop]
+            if before is not None and before.stop == s.start and whole:
                 out[-1].append(s)
             else:
                 out.append([s])
         return [x for x in out if x[-1] in self.windows]
-
-    def _one_stretch(self, a: slice, b: slice) -> bool:
-        return any(s.start <= a.start and b.stop <= s.stop for s in self.stretches)
 
     @property
     def _limit(self) -> float:
