@@ -24,8 +24,7 @@ import pinocchio as pin
 import pinotwin as pt
 from benchmarks._plain import plain_error, share_of_torque
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.parameters import parameters, with_parameters
-from pinotwin.dynamics.pseudoinertia import pseudo_inertia
+from pinotwin.dynamics.parameters import parameters, pseudo_inertia, with_parameters
 from pinotwin.identification.settings import USUAL
 from pinotwin.machine.from_model import with_bodies
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest
-from pinotwin.log import Log, split_unit
+from pinotwin.log import JOINT_SIGNALS, Log, split_unit
 from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR, UNUSED, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
@@ -29,7 +29,6 @@ LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 
 _JOINT_STATE = re.compile(r"(?:.*/)?(?P<joint>[^/]+?)[./](?P<field>position|velocity|effort)$")
-JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}  # field of a JointState -> signal
 
 
 @dataclass(frozen=True)
@@ -150,8 +149,10 @@ def _mapped(
     log: Log, name: str, column: Column, source: str
 ) -> tuple[Floats, str, tuple[float, float], list[str]]:
     """Return a mapped channel in SI, its unit in the file, factor and offset, and notes."""
-    unit = column.unit.strip() or log.units.get(source, "1")
-    notes = _contradiction(name, column.unit.strip(), log.units.get(source))
+    notes, mapped, stated = [], column.unit.strip(), log.units.get(source)
+    unit = mapped or log.units.get(source, "1")
+    if mapped and stated is not None and SI_FACTOR.get(stated) != SI_FACTOR[mapped]:
+        notes.append(f"{name}: the mapping says {mapped}, the file says {stated}; the mapping was followed")
     size = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
     _refuse_counts(unit, column.factor, name, log)
     raw = log[source]
@@ -243,12 +244,6 @@ def _find(log: Log, column: str, name: str) -> str | None:
     if name in log and is_contract_name(name):
         return None
     raise LogError(f"{log.source}: {name}: no column {column!r}; {nearest(column, log.channels)}")
-
-
-def _contradiction(name: str, mapped: str, stated: str | None) -> list[str]:
-    if not mapped or stated is None or SI_FACTOR.get(stated) == SI_FACTOR[mapped]:
-        return []
-    return [f"{name}: the mapping says {mapped}, the file says {stated}; the mapping was followed"]
 
 
 def _si(unit: str, name: str, log: Log) -> float:

@@ -26,6 +26,7 @@ _UNIT_AT_END = re.compile(
 
 ARRAYS = ("q", "v", "a", "u", "qr", "ql")
 """Channels of an axis that a log in the names of the contract may have."""
+JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}  # field of a JointState -> signal
 
 _LOG_COLUMNS = ("channel", "unit", "smallest", "largest", "missing")
 ONE_UNIT: tuple[float, float] = (1.0, 0.0)

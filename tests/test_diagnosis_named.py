@@ -29,7 +29,7 @@ from pinotwin.diagnosis.search import forward
 from pinotwin.diagnosis.search.forward import Found, _doubtful, finest_of, search, simplest
 from pinotwin.diagnosis.search.injections import confidences, same_cause
 from pinotwin.diagnosis.search.parsimony import Duel, duel, richer
-from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
+from pinotwin.diagnosis.search.pushes import only_sure, push_confidence, pushes
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import lacked
 from pinotwin.effects import EFFECTS, Effect, InertialCoupling, Offset, Presliding, Ripple, Viscous
@@ -331,7 +331,8 @@ def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> No
         nothing = Found((), None, (), ground, ground)
         named = pushes(pushed, nothing, RULES)
         assert len(named) == (size > RULES.push_strong)
-        sure = push_confidences(pushed, nothing, named, np.random.default_rng(0), RULES)
+        rng = np.random.default_rng(0)
+        sure = [push_confidence(pushed, nothing, p, rng, RULES) for p in named]
         assert all(x > 0.9 for x in sure)
 
 

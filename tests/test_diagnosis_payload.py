@@ -11,7 +11,7 @@ from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes, possible, undetermined
 from pinotwin.diagnosis.payload import found_body, loaded_twin, physical
-from pinotwin.dynamics.pseudoinertia import pseudo_inertia
+from pinotwin.dynamics.parameters import pseudo_inertia
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from pinotwin import dynamics as dyn
-from pinotwin.dynamics.pseudoinertia import pseudo_inertia
+from pinotwin.dynamics.parameters import pseudo_inertia
 from pinotwin.errors import DataError, MachineError
 from tests.dynamics_models import driller, motion, random_tree
 

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy
 import yaml
 from scipy.linalg import qr
 
@@ -248,7 +249,7 @@ def test_direction_holds_through_a_stop_and_turns_with_the_motion():
 
 
 def test_position_table_weighs_the_nearer_knot_more():
-    """Eq. 3.11 as corrected in the errata: the example of Fig. 3-4 swaps its weights."""
+    """As Eq. 3.11 is corrected in the errata; the weights are those of a cubic B-spline (de Boor 1978)."""
     motion = multisine()
     (table,) = make_effects(
         [{"position_table": {"spacing": 0.1, "start": 0.0, "stop": 1.0}}], "Y", False, "effects"
@@ -256,7 +257,10 @@ def test_position_table_weighs_the_nearer_knot_more():
     q = np.array([0.34, 0.34])
     still = dataclasses.replace(motion.cut(0, 2), q=np.stack([q, q], axis=1))
     row = table.columns(still).values[0, 0]
-    np.testing.assert_allclose(row[3:5], [0.6, 0.4])
+    spline = scipy.interpolate.BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False)
+    near = spline(0.34 / 0.1 - np.arange(2, 6))
+    np.testing.assert_allclose(row[2:6], near, atol=1e-12)
+    assert row[3] > row[4]
     assert row.sum() == pytest.approx(1.0)
 
 

@@ -118,7 +118,7 @@ def test_a_table_on_an_axis_without_stops_repeats_with_the_turn():
     once, again = (table.columns(turning(x)).values for x in (q, q + 2 * np.pi))
     np.testing.assert_allclose(once, again, atol=1e-9)
     np.testing.assert_allclose(once.sum(axis=2), 1.0)
-    assert len(table.knots) == 360
+    assert len(table.knots) == 100
     part = np.linspace(0.2, 1.0, 4000)
     table = EFFECTS["position_table"].on(tree(), "A").fitted_to(turning(part))
     once, again = (table.columns(turning(x)).values for x in (part, part - 6 * np.pi))
@@ -135,7 +135,8 @@ def test_a_rotation_with_stops_is_not_wrapped():
     bounded = tree().model.copy()
     bounded.lowerPositionLimit, bounded.upperPositionLimit = np.full(2, -20.0), np.full(2, 20.0)
     table = EFFECTS["position_table"].on(Tree(bounded, ("Y", "A"), (False, True)), "A")
-    assert len(table.fitted_to(turning(np.linspace(0.0, 12.0, 4000))).knots) > 600
+    knots = table.fitted_to(turning(np.linspace(0.0, 12.0, 4000))).knots
+    assert knots[-1] - knots[0] > 12.0
 
 
 def test_payload_is_the_effort_of_a_body_on_the_link(motion):

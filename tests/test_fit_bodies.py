@@ -10,9 +10,8 @@ import pytest
 import scipy
 from numpy.testing import assert_allclose
 
-from pinotwin.dynamics.parameters import parameters
+from pinotwin.dynamics.parameters import dynamic_parameters, parameters, pseudo_inertia
 from pinotwin.dynamics.plausible import plausible
-from pinotwin.dynamics.pseudoinertia import dynamic_parameters, pseudo_inertia
 from pinotwin.solve.bodies import Bodies, Evidence, near
 
 

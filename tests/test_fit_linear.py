@@ -12,7 +12,7 @@ from pinotwin.solve.bounds import active_set
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.tsqr import r_factor
+from pinotwin.solve.rank import r_factor
 from tests.stacked import AxisRows, interval, stack
 
 

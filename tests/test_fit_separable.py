@@ -10,10 +10,9 @@ from scipy.special import stdtrit
 from pinotwin.errors import DataError
 from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.polish import Limits, VariableProjection
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection
-from pinotwin.solve.separable import _Search, separable
+from pinotwin.solve.separable import Limits, VariableProjection, _Search, separable
 from tests.stacked import AxisRows, interval, stack
 
 LEVEL = np.array([1.0, 5.0, 0.2])

@@ -198,7 +198,6 @@ CIRCLES = {
     },
     "known: Twin's verbs stand on Twin": {
         "simulation",
-        "simulation.beyond",
         "simulation.prediction",
         "simulation.run",
         "twin",

@@ -17,8 +17,8 @@ from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.identification.misfit import correlation_time, own_residual
-from pinotwin.simulation.beyond import beyond
 from pinotwin.simulation.command import request
+from pinotwin.simulation.run import beyond
 from pinotwin.solve.crossval import held_out
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.stacked import AxisRows, stack

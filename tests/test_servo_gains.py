@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pinotwin.loop import Servo
-from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import DISTANCE, FOLLOWING
+from pinotwin.loop.servo import DISTANCE, FOLLOWING, Roots
 
 LAG = 4e-4
 

@@ -73,7 +73,7 @@ def test_mujoco_gets_them_too(saved):
 def test_every_number_has_unit_error_and_verdict(saved):
     _, _, folder = saved
     content = json.loads((folder / "twin.json").read_text())
-    assert content["schema"] == "pinotwin.twin/1"
+    assert content["schema"] == "pinotwin.twin/2"
     for row in content["parameters"]:
         assert row["unit"]
         assert row["verdict"]

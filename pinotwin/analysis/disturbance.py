@@ -18,7 +18,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
@@ -135,24 +135,20 @@ def causes(effect: Effect) -> tuple[str, ...]:
 def _rigid_parts(plant: OpenLoop, motion: Motion, inertia: Floats) -> dict[str, Floats]:
     """Return the parts of the rigid body's effort without M_D a."""
     moving = np.array([name in plant.machine.axes for name in motion.names], dtype=bool)
-    q, v, a = (_only(x, moving) for x in (motion.q, motion.v, motion.a))
+    q, v, a = (np.where(moving, x, 0.0) for x in (motion.q, motion.v, motion.a))
     zero = np.zeros_like(q)
     g = plant.rigid_effort(q, zero, zero)
     gc = plant.rigid_effort(q, v, zero)
     whole = plant.rigid_effort(q, v, a)
     parts = {
         "gravity": g,
-        "inertial_coupling": whole - gc - _only(inertia, moving),
+        "inertial_coupling": whole - gc - np.where(moving, inertia, 0.0),
         "coriolis_centrifugal": gc - g,
     }
     if not moving.all():
         full = plant.rigid_effort(motion.q, motion.v, motion.a)
-        parts["flexibility"] = full - whole - (inertia - _only(inertia, moving))
+        parts["flexibility"] = full - whole - (inertia - np.where(moving, inertia, 0.0))
     return parts
-
-
-def _only(x: Floats, kept: Mask) -> Floats:
-    return np.where(kept, x, 0.0)
 
 
 def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:

@@ -20,7 +20,6 @@ from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
-from pinotwin.simulation.beyond import unsure
 from pinotwin.system.writing import as_path
 from pinotwin.twin.twin import TwinLike, as_twin
 
@@ -92,7 +91,7 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1
         raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     motion = twin.motion(log)
     inside = motion.inside
-    residual, error = twin.residual(motion)[inside], unsure(twin, motion, twin.misfit.motion)[inside]
+    residual, error = twin.residual(motion)[inside], twin.effort_error(motion)[inside]
     names = [name for name in twin.machine.axes if name in twin.misfit.summary]
     columns = [twin.machine.axes[name].index for name in names]
     left = [_left(twin.misfit.summary[n], motion.use[inside, j]) for n, j in zip(names, columns, strict=True)]

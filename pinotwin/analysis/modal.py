@@ -19,7 +19,7 @@ import pinocchio as pin
 from pinotwin.analysis.deflection import springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
-from pinotwin.errors import MachineError, TwinError, nearest
+from pinotwin.errors import MachineError, TwinError, require
 from pinotwin.machine import Machine
 
 if TYPE_CHECKING:
@@ -139,16 +139,12 @@ def _springs(
 ) -> tuple[Floats, Floats]:
     """Return stiffness and damping of every joint, (nv,) each."""
     for name in (*stiffness, *damping):
-        if name not in machine.names:
-            raise MachineError(f"{machine.name}: no axis {name!r}; {nearest(name, machine.names)}")
+        require(name, machine.names, f"{machine.name}: no axis", MachineError)
     k, c = np.zeros(machine.nv), np.zeros(machine.nv)
     for j, name in enumerate(machine.names):
         part = machine.passive.get(name)
-        own = (
-            found.get(name) or (None, None)
-            if part is None
-            else found.get(name, (part.stiffness, part.damping))
-        )
+        nominal = (None, None) if part is None else (part.stiffness, part.damping)
+        own = found.get(name, nominal)
         given = stiffness.get(name, own[0])
         if part is not None and given is None:
             raise MachineError(
@@ -166,8 +162,7 @@ def _locked(
     if isinstance(locked, str):
         locked = {"all": tuple(machine.axes), "none": ()}.get(locked, (locked,))
     for name in locked:
-        if name not in machine.axes:
-            raise MachineError(f"{machine.name}: no axis {name!r}; {nearest(name, machine.axes)}")
+        machine.axis(name)
     return tuple(name for name in machine.axes if name in locked and name not in stiffness)
 
 

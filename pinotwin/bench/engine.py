@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -33,7 +34,8 @@ def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
             yield lambda function, items, end: _work([_Worker(lambda: pool)], function, items, end)
         return
     here, there = Pipe(duplex=False)
-    team = [_Worker(lambda: _process(here)) for _ in range(workers)]
+    make = partial(futures.ProcessPoolExecutor, 1, get_context("spawn"), _end_with, (here,))
+    team = [_Worker(make) for _ in range(workers)]
 
     def each(
         function: Callable[[Any], Any], items: Sequence[Any], end: float | None
@@ -68,11 +70,6 @@ class _Worker:
             self.pool.shutdown()
             self.pool = self.make()
             return self.pool.submit(function, item)
-
-
-def _process(parent: Connection) -> futures.ProcessPoolExecutor:
-    context = get_context("spawn")
-    return futures.ProcessPoolExecutor(1, mp_context=context, initializer=_end_with, initargs=(parent,))
 
 
 def _end_with(parent: Connection) -> None:

@@ -13,7 +13,6 @@ from pinotwin.diagnosis.evidence.moments import products
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.errors import DataError
-from pinotwin.log import Log
 from pinotwin.twin import Twin
 
 
@@ -28,9 +27,10 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
         return None
     searcher = Searcher(c)
     columns = {}
-    for j in c.new.joints:
-        table = [_course(c.twin, c.new.motion.t, course, j) for course in made.courses]
-        columns[j] = c.new.picked(np.stack(table, axis=1), j)
+    motions = [c.twin.motion(course) for course in made.courses]
+    for j in c.new.joints:  # logs one after the other
+        table = [np.interp(c.new.motion.t, m.t, np.nan_to_num(m.u[:, j])) for m in motions]
+        columns[j] = c.new.picked(np.nan_to_num(np.stack(table, axis=1)), j)
     sums = products(searcher.ground.new, columns)
     CX, inverse = sums.CX.sum(axis=0), searcher.ground.folds[-1]
     S = sums.CC.sum(axis=0) - CX @ inverse @ CX.T
@@ -48,9 +48,3 @@ def _least(c: Comparison, joint: int) -> float:
     """Return the least RMS that a cause must explain of the effort of an axis [N or N·m]."""
     size = RULES.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
     return float(max(size, np.sqrt(RULES.excess) * c.floor[joint])) if c.change else size
-
-
-def _course(twin: Twin, t: np.ndarray, course: Log, joint: int) -> np.ndarray:
-    """Return the true effort of an effect at one joint on the rows of the motion, logs one after the other."""
-    motion = twin.motion(course)
-    return np.nan_to_num(np.interp(t, motion.t, np.nan_to_num(motion.u[:, joint])))

@@ -63,9 +63,7 @@ def answer(case: Case, plan: Plan) -> Answer:
     """Produce a case, diagnose what may be seen of it, and note what was said."""
     start = time.perf_counter()
     made = produce(case, seconds=plan.seconds)
-    twin = None
-    if case.situation == "change":
-        twin = healthy_twin(plan.twins, case.machine, case.twin)
+    twin = healthy_twin(plan.twins, case.machine, case.twin) if case.situation == "change" else None
     ready = time.perf_counter()
     found = blindly(made.sealed, twin, case, plan.quick)
     said = time.perf_counter()

@@ -6,11 +6,9 @@ before the work begins and at its end, an answer in between is a line more of th
 
 from __future__ import annotations
 
-import csv
-import io
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,7 +16,7 @@ from typing import Any
 from pinotwin.bench.engine import KilledWorker
 from pinotwin.cli.output import columns
 from pinotwin.errors import OutputError, PinotwinError
-from pinotwin.system.writing import append_text, write_json, write_text
+from pinotwin.system.writing import append_text, csv_text, write_json, write_text
 
 FAILED = "failed"
 WAITING = "waiting"
@@ -38,13 +36,13 @@ class Table:
 
     def __enter__(self) -> Table:
         write_json(self.out / "each.json", self.document())
-        write_text(self.out / "each.csv", _csv([COLUMNS, *map(_cells, self.rows.values())]))
+        write_text(self.out / "each.csv", csv_text([COLUMNS, *map(_cells, self.rows.values())]))
         return self
 
     def add(self, row: Row) -> None:
         """Take the row of an answer that is in its folder."""
         self.rows[row["log"]] = row
-        append_text(self.out / "each.csv", _csv([_cells(row)]))
+        append_text(self.out / "each.csv", csv_text([_cells(row)]))
 
     def progress(self) -> tuple[str, float]:
         """Return how many rows there are, in words and as a share."""
@@ -60,7 +58,7 @@ class Table:
         document = self.document()
         try:
             write_json(self.out / "each.json", document)
-            write_text(self.out / "each.csv", _csv([COLUMNS, *map(_cells, document["logs"])]))
+            write_text(self.out / "each.csv", csv_text([COLUMNS, *map(_cells, document["logs"])]))
         except OutputError:
             if error is None:  # else the first trouble is the one to tell
                 raise
@@ -114,12 +112,6 @@ def _without_answer(log: str, verdict: str, error: str | None) -> dict[str, Any]
     return {"log": log, "verdict": verdict, **blank, "causes": [], "gaps": {}, **said, "error": error}
 
 
-def _csv(rows: Iterable[Sequence[Any]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
-
-
 def _cells(row: Row) -> list[Any]:
     flat = {**row, "causes": _causes(row)}
     return ["" if flat[name] is None else flat[name] for name in COLUMNS]
@@ -137,12 +129,9 @@ def lines_of(document: Mapping[str, Any], seconds: float) -> list[str]:
     for row in table:
         sizes = ["-" if row[k] is None else f"{row[k]:.1%}" for k in ("gap", "after", "misfit")]
         last = row["error"] or _causes(row) or "-"
-        rows.append([_shown(row["log"]), row["verdict"], row["signal"] or "-", *sizes, last])
+        name = row["log"] if len(row["log"]) <= 48 else f"...{row['log'][-45:]}"
+        rows.append([name, row["verdict"], row["signal"] or "-", *sizes, last])
     lines = columns(head, rows, left=(0, 1, 2, 6), piped=1000)  # a line a log
     count = ", ".join(f"{n} {verdict}" for verdict, n in document["counts"].items())
     before = f" ({kept} of an earlier run)" if kept else ""
     return [*lines, f"{len(table)} logs{before}: {count}; {seconds:.0f} s"]
-
-
-def _shown(log: str) -> str:
-    return log if len(log) <= 48 else f"...{log[-45:]}"

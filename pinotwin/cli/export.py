@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pinotwin.cli.arguments import Answer, File, Repeated
 from pinotwin.cli.inputs import by_axis, check_twin
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 
 if TYPE_CHECKING:
     from pinotwin.arrays import Floats
@@ -37,8 +37,7 @@ def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
 
 def _speeds(given: Sequence[str], names: Sequence[str], usual: Floats) -> Floats:
     for name, (value,) in by_axis("speed", given).items():
-        if name not in names:
-            raise InputError(f"--speed: no axis {name!r}; {nearest(name, names)}")
+        require(name, names, "--speed: no axis", InputError)
         if not value > 0.0:
             raise InputError(f"--speed: {name}={value:g} must be positive")
         usual[names.index(name)] = value

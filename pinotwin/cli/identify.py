@@ -51,6 +51,7 @@ def run(
     believed = Machine.load(machine)
     spare_the_machine(believed, Path(out))
     from pinotwin.identification import identify
+    from pinotwin.identification.judge import signs_of_missing_effects
 
     fitted, held = read_logs(logs), read_logs(validate)
     for line in _doubts(believed, fitted):
@@ -69,15 +70,10 @@ def run(
         report("writing the twin", 0.9)
         how = made(began, closed_loop=not no_loop, consistent=not inconsistent, **options)
         content = save_twin(twin, fitted, held, how, out)
-    return Answer([*summary(twin), f"twin and report written to {out}", *_next(twin)], content)
-
-
-def _next(twin: Twin) -> Iterator[str]:
-    """Yield the command that looks for a missing effect, where the twin's own figures suggest one."""
-    from pinotwin.identification.judge import signs_of_missing_effects
-
+    lines = [*summary(twin), f"twin and report written to {out}"]
     if signs := signs_of_missing_effects(twin.quality):
-        yield f"next: an effect may be missing ({'; '.join(signs)}); `pinotwin improve` looks for it"
+        lines.append(f"next: an effect may be missing ({'; '.join(signs)}); `pinotwin improve` looks for it")
+    return Answer(lines, content)
 
 
 def _preparation(cutoff: float | None, decimate: int | None, resample: float | None) -> dict[str, Any]:

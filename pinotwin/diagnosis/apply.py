@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from pathlib import Path
 
 from pinotwin.diagnosis.payload import found_body, loaded
 from pinotwin.diagnosis.result import Diagnosis, Found
@@ -15,11 +14,6 @@ from pinotwin.machine.from_model import with_bodies
 from pinotwin.twin import Twin
 
 SAME = 0.03  # Share by which two pitches may differ and be one ripple whose size has changed
-
-
-def apply(diagnosis: Diagnosis, folder: Path) -> Path:
-    """See :meth:`Diagnosis.apply`."""
-    return repaired(diagnosis).save(folder)
 
 
 def repaired(diagnosis: Diagnosis) -> Machine:
@@ -73,7 +67,12 @@ def _with(machine: Machine, found: Found) -> Machine:
         return machine
     if found.effect == "encoder_error" and "ql" in found.shrink:
         return machine  # a table between two encoders: machine.yaml corrects no position by it
-    effect = (found.listed or _from_shapes(found, machine)).settled()
+    effect = found.listed
+    if effect is None:
+        effect = kind.on(machine, name)
+        own = {s.name for s in effect.shapes()}
+        effect = dataclasses.replace(effect, **{k: v for k, v in found.shape.items() if k in own})  # type: ignore[type-var]
+    effect = effect.settled()
     if any(e.name == effect.name and (not e.several or _alike(e, found)) for e in axis.effects):
         return machine
     kept = [e for e in axis.effects if e.name not in effect.contains or e.several]
@@ -88,12 +87,3 @@ def _kind(found: Found, machine: Machine) -> type[Effect] | None:
 def _alike(listed: Effect, found: Found) -> bool:
     """Whether a listed effect has the shapes of a finding, within :data:`SAME`."""
     return all(abs(getattr(listed, k) - x) <= SAME * abs(x) for k, x in found.shape.items())
-
-
-def _from_shapes(found: Found, machine: Machine) -> Effect:
-    """Return the effect that a finding names, from what it says of its shapes."""
-    kind = _kind(found, machine)
-    assert kind is not None
-    effect = kind.on(machine, str(found.axis))
-    known = {s.name for s in effect.shapes()}
-    return dataclasses.replace(effect, **{k: v for k, v in found.shape.items() if k in known})  # type: ignore[type-var]

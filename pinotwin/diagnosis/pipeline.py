@@ -29,7 +29,7 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
-from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
+from pinotwin.diagnosis.search.pushes import only_sure, push_confidence, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
 from pinotwin.diagnosis.signals.servo import limits
@@ -122,11 +122,14 @@ def _by_search(
     s = _searched(c, shown, leave_out, rules, tell, quick=quick)
     tell("how sure", 0.8)
     s, sure = _confirmed(s, shown, seed, rules, quick=quick)
-    pushes = push_confidences(c, s.whole, s.pushed, np.random.default_rng([seed, 5]), rules)
+    rng = np.random.default_rng([seed, 5])
+    pushes = [push_confidence(c, s.whole, p, rng, rules) for p in s.pushed]
     account = Account(s.whole.first, s.found, sure, list(zip(s.pushed, pushes, strict=True)), rules)
     noise, kind = noise_levels(s.rest, rules)
     gaps = gap_table(s.rest, account.together, noise)
-    named = _plant_named(s, account, gaps, measured, leave_out)
+    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
+    named = [*effects_named(account, levels), *pushes_named(account, levels)]
+    named = with_encoders(named, measured, leave_out)
     limited = limits(s.rest, leave_out, rules) if options["closed_loop"] else []
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
@@ -137,20 +140,6 @@ def _by_search(
     result = with_open_signals(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)
     return replace(result, provenance=made)
-
-
-def _plant_named(
-    s: _Searched,
-    account: Account,
-    gaps: Mapping[str, Mapping[str, Gap]],
-    measured: Mapping[str, Seen],
-    leave_out: Sequence[str],
-) -> list[Found]:
-    """Return the causes that the effort and a second encoder show, with their sizes."""
-    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
-    return with_encoders(
-        [*effects_named(account, levels), *pushes_named(account, levels)], measured, leave_out
-    )
 
 
 def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) -> Vibrations:

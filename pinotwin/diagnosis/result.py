@@ -303,9 +303,8 @@ class Diagnosis(Drawn):
 
     def apply(self, folder: str | Path) -> Path:
         """Write the machine with the named effects added, and return the path of its YAML."""
-        from pinotwin.diagnosis.apply import apply
-
-        return apply(self, as_path(folder, "folder"))
+        target = as_path(folder, "folder")
+        return self.repaired().save(target)
 
     def repaired(self) -> Machine:
         """Return the machine with the named causes added, to be identified again.

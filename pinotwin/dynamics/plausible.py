@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.dynamics.pseudoinertia import dynamic_parameters, pseudo_inertia
+from pinotwin.dynamics.parameters import body_count, dynamic_parameters, parameters, pseudo_inertia
 
 
 def plausible(model: pin.Model, acting: Mask) -> tuple[Floats, Mask]:

@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.effects.family import OTHER, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
@@ -195,9 +195,13 @@ class Effect(abc.ABC):
         """Return the effect with what it takes from the log before a fit (a table's knots)."""
         return self
 
-    def known(self, motion: Motion) -> Mask:
-        """Return the samples at which what it was fitted to says what it is (where a table has knots), (n,)."""
-        return np.ones(len(motion), dtype=bool)
+    def belief(self) -> tuple[Floats, float] | None:
+        """Return what is believed of its coefficients, or None: rows B (k, p), and how many count as one.
+
+        B'B over that number, of the rows of a fit that tell as much as an independent one, is the precision in
+        units of the effort.
+        """
+        return None
 
     def bound(self, tree: Tree) -> Self:
         """Return the effect with what it takes from its machine (a body's regressor, an endless joint)."""

@@ -22,7 +22,7 @@ ANGLES = np.linspace(-0.5, 0.5, 7)[:-1] * np.pi
 """Angles of a modulation that are tried [rad]."""
 
 
-def _waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
+def waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
     """Return cos and sin of every harmonic, shape (n, 2 h), by one tangent of half the phase: searches ask for many."""
     out = np.empty((len(q), 2 * len(harmonics)))
     for k, harmonic in enumerate(harmonics):
@@ -137,7 +137,7 @@ class Ripple(Pitched):
         )
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        return _waves(motion.q, self.period, self.harmonics)
+        return waves(motion.q, self.period, self.harmonics)
 
 
 @dataclass(frozen=True)
@@ -180,6 +180,6 @@ class RippleModulated(Pitched):
         return self.over([x for x in TURN / np.arange(1, 101) if low <= x <= longest], ANGLES)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        waves = _waves(motion.q, self.period, (1,))
-        size = np.abs(_waves(motion.q + self.eps, TURN, (1,))[:, 1:])
-        return np.concatenate([waves, size * waves], axis=-1)
+        plain = waves(motion.q, self.period, (1,))
+        size = np.abs(waves(motion.q + self.eps, TURN, (1,))[:, 1:])
+        return np.concatenate([plain, size * plain], axis=-1)

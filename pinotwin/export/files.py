@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.export.inverse import Inverse, inverse_of
 from pinotwin.export.mjcf import mjcf_files
 from pinotwin.export.texts import c_text, left_out, numpy_text
@@ -66,8 +66,7 @@ def export_twin(
         InputError: there is no such format, or the name has another format's suffix.
     """
     path, twin = as_path(out, "out"), as_twin(twin)
-    if format not in SUFFIX:
-        raise InputError(f"--format: no format {format!r}; {nearest(format, SUFFIX)}")
+    require(format, SUFFIX, "--format: no format", InputError)
     if path.suffix != SUFFIX[format]:
         raise InputError(f"--out: {path.name}: a file of format {format} is named *{SUFFIX[format]}")
     inverse = inverse_of(twin, travel, speed)

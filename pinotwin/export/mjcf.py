@@ -120,9 +120,7 @@ def _motors(twin: Twin) -> list[_Attributes]:
 
 def _passive(twin: Twin, native: Native, stem: str, left_out: list[str]) -> str:
     """Return the text of the module beside the MJCF file, whose name without its suffix is ``stem``."""
-    names = [""] * twin.machine.nv
-    for part in twin.machine.parts:
-        names[part.index] = part.joint
+    names = [part.joint for part in sorted(twin.machine.parts, key=lambda part: part.index)]
     text = asset("pinotwin.export", "passive.py")
     own = text[text.index("class PassiveForce") :].strip()
     core = re.split(r"^class InverseModel", runtime_text(), flags=re.MULTILINE)[0].strip()

@@ -14,10 +14,9 @@ from pinotwin.effects.layout import rigid_body_of
 from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.plant import Plant
 from pinotwin.identification.settings import Settings
+from pinotwin.identification.smooth import independent, memory
 from pinotwin.machine import Machine
-from pinotwin.motion import Motion
 from pinotwin.solve.bodies import Bodies, Evidence, Near, near
-from pinotwin.solve.sandwich import bartlett
 
 
 def near_urdf(
@@ -65,22 +64,12 @@ def bodies_of(machine: Machine) -> tuple[Bodies, Mask]:
     return Bodies(P, pi, count), dummy
 
 
-def memory(motion: Motion, seconds: float = 1.0) -> int:
-    """Return the number of fitted rows over which a residual is taken to be correlated, for so many seconds [s]."""
-    return max(round(seconds / (motion.step * motion.decimation)), 1)
-
-
 def correlated_rows(plant: Plant, theta: Floats) -> float:
     """Return how many rows of one sigma tell as much as an independent row of the residual, mean of the axes [1].
 
     By the variance of the residual's sum: what bodies that can exist leave is correlated for a second.
     """
-    problem, sigma = plant.fit.problem, plant.fit.sigma
-    lags = memory(plant.motion)
-    axes = problem.axis_place[:, None] == np.arange(len(sigma))
-    own = axes * (problem.y - problem.W @ theta)[:, None] / sigma
-    lagged = np.diag(bartlett(problem.grid.spread(own, lags), lags))
-    return float(np.mean(np.maximum(lagged / axes.sum(axis=0), 1.0)))
+    return float(np.mean(independent(plant.fit.problem, theta, plant.fit.sigma, memory(plant.motion))))
 
 
 def body_rows(

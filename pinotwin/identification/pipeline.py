@@ -17,16 +17,16 @@ from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
-from pinotwin.identification.bodies import memory, near_urdf
-from pinotwin.identification.days import friction_scatter
+from pinotwin.identification.bodies import near_urdf
+from pinotwin.identification.friction import at_one_speed, friction_scatter
 from pinotwin.identification.judge import CrossValidated, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
-from pinotwin.identification.one_speed import at_one_speed
 from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.scale import Sizes, with_sizes
 from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.smooth import memory
 from pinotwin.identification.springs import find_springs
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs

@@ -15,6 +15,7 @@ from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
 from pinotwin.identification.assemble import Rows, assemble, choose_rows, pieces
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.shapes import Found, search_shapes, widened
+from pinotwin.identification.smooth import with_beliefs
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options, Prior, linear
@@ -44,6 +45,9 @@ def fit_plant(machine: Machine, motion: Motion, settings: Settings = USUAL) -> P
     """Identify the open-loop dynamics of a machine from one motion."""
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
+    plain = tuple(effect for effect in effects if not effect.needs)
+    told = iter(with_beliefs(plain, motion, rows, lambda e: fit_options(machine, e, motion)))
+    effects = tuple(effect if effect.needs else next(told) for effect in effects)
     motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows, settings)
     pi = standard_parameters(machine, effects, fit.theta)
     return Plant(effects, rows, fit, fit.theta, pi, errors, bounds, motion)
@@ -87,8 +91,11 @@ def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | No
     coefficients = [c for effect in effects for c in effect.coefficients()]
     mean = np.zeros(len(coefficients))
     mean[_beta(effects)] = machine.base.from_standard(parameters(machine.model))
+    belief, alike = _belief(effects)
     return Options(
         prior=Prior(mean=mean),
+        belief=belief,
+        alike=alike,
         ridge=None if motion is None else _ridge(effects, motion),
         lower=np.array([c.lower for c in coefficients]),
         upper=np.array([c.upper for c in coefficients]),
@@ -99,11 +106,23 @@ def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
     slices = effect_slices(effects)
     out = np.full(slices[-1].stop, np.inf)
     for effect, where in zip(effects, slices, strict=True):
-        if effect.held:
+        if effect.held and effect.belief() is None:
             assert effect.axis is not None
             u = motion.u[:, motion.index(effect.axis)]
             out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
     return out if np.isfinite(out).any() else None
+
+
+def _belief(effects: Sequence[Effect]) -> tuple[Floats | None, Floats | None]:
+    """Return the rows of what is believed of the coefficients, and how many of the data are as one of each."""
+    slices, rows, alike = effect_slices(effects), [], []
+    for effect, where in zip(effects, slices, strict=True):
+        if (said := effect.belief()) is not None:
+            own = np.zeros((len(said[0]), slices[-1].stop))
+            own[:, where] = said[0]
+            rows.append(own)
+            alike.append(np.full(len(own), said[1]))
+    return (np.concatenate(rows), np.concatenate(alike)) if rows else (None, None)
 
 
 def _beta(effects: Sequence[Effect]) -> slice:

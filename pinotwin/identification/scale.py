@@ -27,7 +27,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation
 from pinotwin.solve.bodies import Bodies, Evidence, near
-from pinotwin.solve.tsqr import r_factor
+from pinotwin.solve.rank import r_factor
 from pinotwin.system.phrases import IDENTIFIED
 from pinotwin.twin import OpenLoop, Parameter, Parameters
 from pinotwin.units import ELECTRICAL, in_log_unit

@@ -17,14 +17,14 @@ from pinotwin.columns import bind
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.errors import DataError, TwinError
 from pinotwin.identification.assemble import assemble, choose_rows, coefficient_names
-from pinotwin.identification.bodies import memory, near_urdf
-from pinotwin.identification.days import friction_scatter
+from pinotwin.identification.bodies import near_urdf
+from pinotwin.identification.friction import at_one_speed, friction_scatter
 from pinotwin.identification.judge import CrossValidated, error_row, judge, log_edges, warnings
 from pinotwin.identification.misfit import misfit_with
-from pinotwin.identification.one_speed import at_one_speed
 from pinotwin.identification.pipeline import provenance
 from pinotwin.identification.plant import Plant, fit_options, open_loop, standard_parameters
 from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.smooth import memory
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.prepare import prepare

@@ -98,10 +98,9 @@ def _filled(
 
 def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floats) -> LinearModel:
     """Return the state-space model of (e, e', f, b) over n samples."""
-    corner = wn
     A = np.zeros((4, 4))
-    A[0, 1], A[1, :3], A[2, 2] = 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0], -corner
-    noise = np.diag([0.0, 0.0, 2.0 * corner * size**2, (1e-5) ** 2])
+    A[0, 1], A[1, :3], A[2, 2] = 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0], -wn
+    noise = np.diag([0.0, 0.0, 2.0 * wn * size**2, (1e-5) ** 2])
     van_loan = expm(np.block([[-A, noise], [np.zeros((4, 4)), A.T]]) * interval)
     Phi = van_loan[4:, 4:].T
     P0 = np.diag([(size / wn**2) ** 2, (size / wn) ** 2, size**2, (2e-4) ** 2])

@@ -228,7 +228,8 @@ def _filled(log: Log, notes: list[str], bridged: int) -> Log:
             inner = start >= 4 and stop <= len(x) - 4
             around = slice(start - 2, stop + 2)
             if inner and stop - start <= bridged and hole[around].sum() == stop - start:
-                short[start:stop] = _even(log.t[start - 1 : stop + 1])
+                dt = np.diff(log.t[start - 1 : stop + 1])
+                short[start:stop] = dt.min() > 0.0 and dt.max() < 1.5 * dt.min()
         if short.any():
             rows, known = np.arange(len(x), dtype=float), ~hole
             new = x.copy()
@@ -236,8 +237,3 @@ def _filled(log: Log, notes: list[str], bridged: int) -> Log:
             filled[name] = new
             notes.append(f"{name}: {int(short.sum())} missing values bridged, at most {bridged} in a row")
     return log.with_channels({**log.channels, **filled}, notes)
-
-
-def _even(t: Floats) -> bool:
-    dt = np.diff(t)
-    return bool(dt.min() > 0.0 and dt.max() < 1.5 * dt.min())

@@ -377,10 +377,8 @@ def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
     rows = np.r_[*parts]
     inside = log.with_channels({name: x[rows] for name, x in log.channels.items()})
     table, _ = inspect_axes(inside, rotary, None)
-    out = np.ones(machine.nv, dtype=bool)
-    for name, axis in machine.axes.items():
-        out[axis.index] = name in table and table[name].moves
-    return out
+    still = [name for name in machine.axes if name not in table or not table[name].moves]
+    return np.array([name not in still for name in machine.names])
 
 
 def _moving(v: Floats, limit: float | None) -> Mask:

@@ -1,10 +1,9 @@
 """Closed-loop LTI models of the axes: identify, judge, simulate (thesis 4.2, 5.3)."""
 
 from pinotwin.loop.data import LoopData, command_rates
-from pinotwin.loop.fit import LoopFit, ParameterFit
 from pinotwin.loop.identify import identify_loop
 from pinotwin.loop.margins import Margins, close, margins
-from pinotwin.loop.model import LoopModel
+from pinotwin.loop.model import LoopFit, LoopModel, ParameterFit
 from pinotwin.loop.sections import ModalStep
 from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure

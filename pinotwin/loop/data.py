@@ -49,9 +49,6 @@ class LoopData:
         velocity, acceleration = _rates(self)
         put(self, "vr", velocity)
         put(self, "ar", acceleration)
-        self._check()
-
-    def _check(self) -> None:
         for name in ("qr", "d", "vr", "ar", "outputs"):
             if not all(np.isfinite(getattr(self, name)[s]).all() for s in self.segments):
                 raise DataError(

@@ -16,9 +16,8 @@ from threadpoolctl import threadpool_limits
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.loop.data import LoopData
-from pinotwin.loop.fit import LoopFit, ParameterFit
 from pinotwin.loop.layout import Bounds, Layout, Parameter, lay_out
-from pinotwin.loop.model import LoopModel
+from pinotwin.loop.model import LoopFit, LoopModel, ParameterFit
 from pinotwin.loop.projection import Misfit, Projection, Scales
 from pinotwin.loop.search import search
 from pinotwin.loop.sections import discretise
@@ -44,7 +43,12 @@ def identify_loop(
     structure = structure or Structure()
     data.require_motion()
     layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]), bounds)
-    _require_rows(data, layout)
+    unknown = len(layout.parameters) + layout.residues + len(data.segments) * structure.order
+    if data.rows < 3 * unknown:
+        raise DataError(
+            f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about "
+            f"{unknown} unknowns; give a longer log or a structure with fewer poles"
+        )
     # On few cores OpenBLAS' own threads make the many small factorisations slower, not faster.
     with threadpool_limits(1, "blas"):
         found, ends = search(data, layout, starts)
@@ -58,15 +62,6 @@ def identify_loop(
         spread = covariance(projection, found.x, on_bound(layout, found.x) != 0)
     fit = _judge(data, projection, found, misfit, spread, model)
     return replace(model, fit=replace(fit, ends=ends))
-
-
-def _require_rows(data: LoopData, layout: Layout) -> None:
-    unknown = len(layout.parameters) + layout.residues + len(data.segments) * layout.structure.order
-    if data.rows < 3 * unknown:
-        raise DataError(
-            f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about "
-            f"{unknown} unknowns; give a longer log or a structure with fewer poles"
-        )
 
 
 def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:

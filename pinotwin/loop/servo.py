@@ -18,19 +18,57 @@ zero. At given shapes (T_v, T_u, the notch) the law is linear in its six gains: 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats, plain
 from pinotwin.errors import InputError, nearest
-from pinotwin.loop.roots import Roots
 
 if TYPE_CHECKING:
     import control
+
+
+class Roots(NamedTuple):
+    """What the feedback says of kp and 1/ti of a cascade: two roots of one equation, often nearly equal.
+
+        (1 + T A) r² - (A + T B) r + B = 0     for r = 1/ti,     kp = A - (1 + T A) r
+
+    with A = k_e / k_v, B = k_i / k_v and the lag T of the velocity; kp is, but for the lag, the other root. They lie
+    sqrt(apart) from one another, apart = (A - T B)² - 4 B; where they meet, a linear estimate of their error grows
+    without bound. Intervals are therefore made from ``apart`` and its error, not from the slopes of the roots.
+    """
+
+    kp: float  # middle of the kp that there may be [1/s]
+    rate: float  # the same of 1/ti [1/s]
+    square: float  # 1 + T A, by which a change of 1/ti moves kp the other way [-]
+    apart: float  # square of the difference of the roots [1/s²]; below zero where noise left no real ones
+    product: float  # kp / ti [1/s²]
+
+    @classmethod
+    def of(cls, gains: Sequence[float], lag: float) -> Self:
+        """Return the roots of six gains and a lag of the velocity [s]."""
+        A, B = gains[0] / gains[2], gains[1] / gains[2]
+        square = 1.0 + lag * A
+        rate = 0.5 * (A + lag * B) / square
+        return cls(0.5 * (A - lag * B), rate, square, (A - lag * B) ** 2 - 4.0 * B, B * (1.0 - lag * rate))
+
+    def half(self, more: float = 0.0) -> float:
+        """Return half the difference of the two 1/ti [1/s], ``more`` added to what they are apart [1/s²]."""
+        return 0.5 * math.sqrt(max(self.apart + more, 0.0)) / self.square
+
+    def rates(self, named: float, error: float, *, tied: bool) -> tuple[float, float]:
+        """Return the lowest and the highest 1/ti [1/s] at 90 %, on both sides of the middle where ``tied``."""
+        far, near = self.half(error), self.half(-error)
+        if tied:
+            return self.rate - far, self.rate + far
+        side = 1.0 if named >= self.rate else -1.0
+        ends = self.rate + side * near, self.rate + side * far
+        return min(ends), max(ends)
+
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
@@ -42,7 +80,7 @@ SHAPES = ("velocity_lag", "output_lag", "dead")
 INPUTS = ("e", "v", "vr", "ar")
 """What a law takes: tracking error, velocity, velocity and acceleration of the command."""
 DISTANCE = "apart"
-"""Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
+"""Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.servo.Roots`."""
 LOST = "lost motion"
 FOLLOWING = "1/Kv"
 """Name under which the error of :meth:`Servo.following` is kept: smooth where Kv itself goes through infinity."""

@@ -135,9 +135,7 @@ def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Mode
     if mimics:
         raise MachineError(f"{title}: mimic joints {mimics} are not supported; build it with mimic=False")
     others = [i for i in range(1, model.njoints) if i not in single.values()]
-    if not others:
-        return model
-    return pin.buildReducedModel(model, others, pin.neutral(model))
+    return pin.buildReducedModel(model, others, pin.neutral(model)) if others else model
 
 
 def urdf_of_model(model: pin.Model, name: str) -> bytes:

@@ -166,9 +166,7 @@ class Machine(Card):
 
     def with_effects(self, axis: str, effects: tuple[Effect, ...]) -> Machine:
         """Return the machine with other effects on one axis."""
-        axes = dict(self.axes)
-        axes[axis] = replace(self.axis(axis), effects=effects)
-        return replace(self, axes=axes)
+        return replace(self, axes={**self.axes, axis: replace(self.axis(axis), effects=effects)})
 
     def with_meshes(self, folder: str | Path | None) -> Machine:
         """Return the machine with its meshes looked for first in a folder (None: itself); InputError without it."""

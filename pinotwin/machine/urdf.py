@@ -41,9 +41,7 @@ def _without_turns(root: etree._Element) -> bytes:
         mimic = joint.find("mimic")
         if mimic is not None:
             joint.remove(mimic)
-    for tag in ("visual", "collision"):
-        for element in list(copy.iter(tag)):
-            element.getparent().remove(element)  # type: ignore[union-attr]
+    etree.strip_elements(copy, "visual", "collision")
     return etree.tostring(copy)
 
 

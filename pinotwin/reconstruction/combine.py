@@ -15,8 +15,6 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.reconstruction.result import Motion3, Sensor
 
-_KINDS = (("angle", "sd_angle"), ("velocity", "sd_velocity"), ("acceleration", "sd_acceleration"))
-
 
 def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
     """Return the mean of runs (n, ...), weighted by their errors, its own standard deviation, and that between runs."""
@@ -50,7 +48,7 @@ def _of_sensor(run: int, t: Floats, sensor: Sensor) -> Motion3:
         if part.run != run:
             continue
         f, rows = part.found, part.piece.rows
-        columns = [getattr(f, name) for pair in zip(*_KINDS, strict=True) for name in pair]
+        columns = f.angle, f.velocity, f.acceleration, f.sd_angle, f.sd_velocity, f.sd_acceleration
         values = np.stack(columns, axis=1)
         on_grid = len(f.t) == len(rows) and np.allclose(f.t, part.piece.t, rtol=0.0, atol=1e-9)
         x[rows] = values if on_grid else CubicSpline(f.t, values)(part.piece.t)

@@ -12,14 +12,14 @@ from pinotwin.reconstruction.result import Sensor, SensorRun, Vibration
 
 def document(vibration: Vibration) -> dict[str, Any]:
     """Return what was found, without the time series."""
-    frequency, damping = vibration.frequency, vibration.damping
+    frequency, damping, m = vibration.frequency, vibration.damping, vibration.motion
     return {
         "machine": vibration.machine,
         "joint": vibration.joint,
         "frequency": {"value": frequency[0], "se": frequency[1], "unit": "Hz"},
         "damping_ratio": {"value": damping[0], "se": damping[1]},
-        "rms": _rms(vibration),
-        "sd": {k: size(getattr(vibration.motion, f"sd_{k}")) for k in "qva"},
+        "rms": {"q": float(np.std(m.q[m.known])), "v": size(m.v), "a": size(m.a)},
+        "sd": {k: size(getattr(m, f"sd_{k}")) for k in "qva"},
         "repeats": {
             "count": len(vibration.runs),
             "servo": vibration.sources,
@@ -31,13 +31,6 @@ def document(vibration: Vibration) -> dict[str, Any]:
         "quasi_static": vibration.verdict,
         "notes": vibration.notes,
     }
-
-
-def _rms(vibration: Vibration) -> dict[str, float]:
-    """Return the size of the reconstructed motion; the angle without its mean."""
-    m = vibration.motion
-    q = m.q[m.known]
-    return {"q": float(np.std(q)), "v": size(m.v), "a": size(m.a)}
 
 
 def size(x: np.ndarray) -> float:

@@ -104,7 +104,9 @@ def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
     for words, colour, wanted in kinds:
         some = [a for a in single if bool(a["is_right"]) == wanted]
         sizes, effects = [max(a["sizes"][0], 1e-4) for a in some], [a["truth"][0][0] for a in some]
-        marks = points(sizes, effects, words, colour).update(text=[_said(a) for a in some])
+        named = [", ".join(f"{n[0]} on {n[1]}" for n in a["named"]) or a["verdict"] for a in some]
+        text = [f"{a['machine']}, {a['situation']}: {said}" for a, said in zip(some, named, strict=True)]
+        marks = points(sizes, effects, words, colour).update(text=text)
         hover = "%{text}, rho %{x:.2g}<extra></extra>"
         marks.update(marker_size=9, marker_symbol="circle" if wanted else "x", hovertemplate=hover)
         figure.add_trace(marks)
@@ -116,8 +118,3 @@ def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
 
 def _single(a: Mapping[str, Any]) -> bool:
     return a["kind"] == "single" and bool(a["sizes"])
-
-
-def _said(a: Mapping[str, Any]) -> str:
-    named = ", ".join(f"{n[0]} on {n[1]}" for n in a["named"]) or a["verdict"]
-    return f"{a['machine']}, {a['situation']}: {named}"

@@ -20,6 +20,7 @@ from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
 from pinotwin.report.page import Page
 from pinotwin.system.phrases import SIGNALS
+from pinotwin.version import __version__
 
 KINDS: dict[str, str] = {str(word): kind for word, kind in KIND.items()}
 """Grade -> colour of its chip."""
@@ -28,8 +29,6 @@ WORDS = {"simulated e": "tracking error, simulated", "simulated u": "effort, sim
 
 def comparison_report(found: Comparison) -> str:
     """Return the page of twins side by side as one HTML text."""
-    from pinotwin import __version__
-
     plain = [row for row in found.rows if np.isfinite(row.p)]
     knots = [row for row in found.rows if not np.isfinite(row.p)]
     given = {

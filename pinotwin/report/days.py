@@ -33,7 +33,9 @@ def days_report(document: Mapping[str, Any], out: Path) -> str:
         states = [row["state"].get(axis, "cannot say") for axis in axes]
         named = STATES[row["situation"] or "change"]
         chips = (chip(named[state], COLOURS.get(state, "")) for state in states)
-        lines.append((_link(row, out), *chips, row["error"] or _said(row)))
+        causes = "; ".join(f"{_cause(c)} ({c['confidence']:.0%})" for c in row["causes"])
+        said = causes or ("" if row["verdict"] == "none" else str(row["sentence"]))
+        lines.append((_link(row, out), *chips, row["error"] or said))
     page = Page(words["title"], str(document["subject"]))
     page = page.section("", paragraph(finding(rows), "verdict"), table(("log", *axes, "cause"), lines))
     plots = [plot for key in _keys(rows) if (plot := _course(rows, key)) is not None]
@@ -81,12 +83,6 @@ def _keys(rows: Sequence[Row]) -> list[Key]:
 
 def _named(row: Row, key: Key) -> Mapping[str, Any] | None:
     return next((c for c in row["causes"] if (c["effect"], c["axis"] or "") == key), None)
-
-
-def _said(row: Row) -> str:
-    """Return the causes in a log, else what its diagnosis says of what stays."""
-    causes = "; ".join(f"{_cause(c)} ({c['confidence']:.0%})" for c in row["causes"])
-    return causes or ("" if row["verdict"] == "none" else str(row["sentence"]))
 
 
 def _cause(cause: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from scipy.signal import welch
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.result import Gap, Region, Traces
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import ACCENT, RESIDUAL, Line, Panel, line, longest, over_time, style
@@ -62,12 +62,15 @@ def shown(given: Traces) -> list[tuple[str, Floats, str]]:
 
 def gap_figure(given: Traces, rotary: bool) -> go.Figure:
     """Return log minus model over time, before and after the named effects."""
-    step = np.diff(given.t)
-    usual = float(np.median(step)) if len(step) else 1.0
-    block = np.r_[0, np.cumsum(step > 3.0 * usual)].astype(np.intp)
     scale = scale_of("u", rotary, given.before)
     panel = Panel("log minus model", [Line(*line) for line in shown(given)], scale)
-    return over_time(given.t, [panel], 300, block=block)
+    return over_time(given.t, [panel], 300, block=blocks(given.t))
+
+
+def blocks(t: Floats) -> Ints:
+    """Return the number of the unbroken stretch in which each row of t [s] (m,) lies."""
+    step = np.diff(t)
+    return np.r_[0, np.cumsum(step > 3.0 * np.median(step if len(step) else 1.0))].astype(np.intp)
 
 
 def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.grade import OPEN, left_anyway
 from pinotwin.diagnosis.phrases import label_words, on_axis
 from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.report.blocks import Plot
-from pinotwin.report.diagnosis_plots import shown
+from pinotwin.report.diagnosis_plots import blocks, shown
 from pinotwin.report.diagnosis_verdict import event, rotary_axes
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
@@ -61,10 +60,6 @@ def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
     return out
 
 
-def _efforts(d: Diagnosis) -> dict[str, Gap]:
-    return {axis: row["u"] for axis, row in d.gap.items() if "u" in row}
-
-
 def _over(gap: Gap) -> float:
     """Return a residual over what is expected of it, of a machine over its effort."""
     return gap.rms / gap.expected if gap.expected > 0.0 else gap.nrmse
@@ -100,7 +95,8 @@ def what_now(d: Diagnosis, remedies: Sequence[str], advice: Sequence[str]) -> li
 
 def picture(d: Diagnosis) -> Plot | None:
     """Return measured, predicted, and predicted with the causes where they differ most; None without the logs."""
-    efforts, named = _efforts(d), {e.axis for e in d.effects}
+    efforts = {axis: row["u"] for axis, row in d.gap.items() if "u" in row}
+    named = {e.axis for e in d.effects}
     traces = {
         t.axis: t
         for t in reversed(d.traces)
@@ -139,7 +135,7 @@ def _picture(d: Diagnosis, given: Traces) -> Plot | None:
     scale, small = scale_of("u", turns, measured), scale_of("u", turns, residuals[0].y)
     quiet = [Line(x.name, x.y, x.colour, legend=False) for x in residuals]
     panels = [Panel("effort", lines, scale, 1.5), Panel("residual", quiet, small)]
-    figure = over_time(t, panels, 330, block=_blocks(given.t)[rows])
+    figure = over_time(t, panels, 330, block=blocks(given.t)[rows])
     log = Path(d.prepared[given.log].log.source).name
     stretch = SCREEN["stretch"].format(start=t[0], end=t[-1], log=log)
     return Plot(figure, SCREEN["picture"].format(axis=given.axis), stretch)
@@ -148,13 +144,7 @@ def _picture(d: Diagnosis, given: Traces) -> Plot | None:
 def loudest(given: Traces) -> slice:
     """Return the rows of the stretch, a tenth of all, whose squared residual is largest; unbroken, if there is one."""
     width = max(len(given.t) // 10, min(len(given.t), 50))
-    power, block = np.r_[0.0, np.cumsum(given.before**2)], _blocks(given.t)
+    power, block = np.r_[0.0, np.cumsum(given.before**2)], blocks(given.t)
     broken = block[width - 1 :] != block[: len(block) - width + 1]
     start = int(np.argmax((power[width:] - power[:-width]) * np.where(broken & ~broken.all(), 0.0, 1.0)))
     return slice(start, start + width)
-
-
-def _blocks(t: Floats) -> Ints:
-    """Return the number of the unbroken stretch in which each row of t [s] (m,) lies."""
-    step = np.diff(t)
-    return np.r_[0, np.cumsum(step > 3.0 * float(np.median(step)))].astype(np.intp)

@@ -7,7 +7,6 @@ is taken out, zero for a sensor that stays in the room: over g, it is the tilt o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -21,6 +20,7 @@ from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, over_time
 from pinotwin.report.page import Page
+from pinotwin.version import __version__
 
 METHODS = {
     "offline": "smoother over the whole record",
@@ -58,7 +58,8 @@ def orientation_page(
         "clock": f"interpolated to an even one from {len(log)} rows" if found.remade else "as recorded",
     }
     title, subtitle = "Orientation of an IMU", f"{display.elided(log.source)} · {said}"
-    made = _provenance(log, method)
+    facts = {"version": __version__, "machine": "none is needed", "options": {"method": method}}
+    made = {**facts, "logs": [log_facts(log, "IMU")]}
     return Page(title, subtitle, template="orientation", given=given, files=files, made=made)
 
 
@@ -111,10 +112,3 @@ def _trust(found: Orientation, other: tuple[str, Orientation], g: float = 9.81) 
         "tilt": f"{np.degrees(np.linalg.norm(a[:, :2].mean(axis=0)) / g):.2g}°",
         "moving": f"{np.sqrt(np.mean(np.sum(a**2, axis=1))):.3g} m/s² RMS",
     }
-
-
-def _provenance(log: Log, method: str) -> dict[str, Any]:
-    from pinotwin import __version__
-
-    facts = {"version": __version__, "machine": "none is needed", "options": {"method": method}}
-    return {**facts, "logs": [log_facts(log, "IMU")]}

@@ -29,7 +29,8 @@ BESIDE = {
 
 def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
     """Write a diagnosis and what lies beside it into an empty folder; return what went wrong with the picture alone."""
-    found = dated(found)
+    if "date" not in found.provenance:
+        found = replace(found, provenance={**found.provenance, "date": now()})
     write_json(folder / "diagnosis.json", found.to_dict())
     if found.effects and machine_of(found) is not None:
         found.apply(folder / "machine")
@@ -52,13 +53,6 @@ def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> s
     named = (*found.effects, *found.possible)
     with given(type(e.listed) for e in named if e.listed is not None):  # whoever wrote them
         return diagnosis_report(found, found.logs, found.validation, files=tuple(files))
-
-
-def dated(found: Diagnosis) -> Diagnosis:
-    """Return the diagnosis with a date; one that has a date is returned as it is."""
-    if "date" in found.provenance:
-        return found
-    return replace(found, provenance={**found.provenance, "date": now()})
 
 
 def _beside(folder: Path) -> list[tuple[str, str]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,7 +15,7 @@ import plotly.graph_objects as go
 from pinotwin.analysis.decomposition import Decomposition, decompose
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.effects import AxisEffect
-from pinotwin.errors import DataError, InputError, nearest
+from pinotwin.errors import DataError, InputError, require
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -35,7 +33,7 @@ from pinotwin.studies.overlay import overlay, with_and_without
 from pinotwin.studies.study import Study
 from pinotwin.system.phrases import STUDIED, capital
 from pinotwin.system.stamps import made
-from pinotwin.system.writing import as_path, whole_folder, write_text
+from pinotwin.system.writing import as_path, csv_text, whole_folder, write_text
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_subject
 
@@ -80,7 +78,8 @@ class Studied:
         with whole_folder(target := as_path(folder, "folder"), replaces=("study.html", "*.csv")) as part:
             write_text(part / "study.html", self.page.html())
             for name, one in self.studies.items():
-                write_text(part / name, _csv(one))
+                rows = ([_short(cell, 9) for cell in row] for row in one.rows)
+                write_text(part / name, csv_text([one.header, *rows]))
         return target
 
     def add(self, name: str, found: Study, figure: go.Figure) -> None:
@@ -122,8 +121,7 @@ def study(
     """
     began, tell = time.monotonic(), report or (lambda stage, done: None)
     for kind in only:
-        if kind not in KINDS:
-            raise InputError(f"study: no study {kind!r}; {nearest(kind, KINDS)}")
+        require(kind, KINDS, "study: no study", InputError)
     kinds = [kind for kind in KINDS if not only or kind in only]
     given, logs = as_subject(subject), as_logs(log)
     twin, machine = (given, given.machine) if isinstance(given, Twin) else (None, given)
@@ -236,11 +234,3 @@ def _cell(title: str, cell: object) -> str:
 
 def _short(cell: object, digits: int = 4) -> str:
     return f"{cell:.{digits}g}" if isinstance(cell, float | np.floating) else str(cell)
-
-
-def _csv(found: Study) -> str:
-    """Return a table as CSV."""
-    out = io.StringIO()
-    lines = [found.header, *([_short(cell, 9) for cell in row] for row in found.rows)]
-    csv.writer(out, lineterminator="\n").writerows(lines)
-    return out.getvalue()

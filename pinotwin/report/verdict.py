@@ -19,19 +19,13 @@ def grade(error: float) -> tuple[str, str]:
     """Return word and colour for a held-out error relative to the effort's standard deviation."""
     if not math.isfinite(error):
         return "not judged", ""
-    for limit, word, kind in GRADES:
-        if error < limit:
-            return word, kind
-    return "poor", "bad"
+    return next((row[1:] for row in GRADES if error < row[0]), ("poor", "bad"))
 
 
 def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
     """Return the errors of an axis on data that were not fitted, and what data those are."""
-    return (
-        (row["validation"], "validation")
-        if row.get("validation")
-        else (row.get("held_out") or {}, "held_out")
-    )
+    which = "validation" if row.get("validation") else "held_out"
+    return row.get(which) or {}, which
 
 
 def known(row: Mapping[str, Any], name: str) -> float:

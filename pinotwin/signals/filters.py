@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,27 +31,9 @@ def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Se
     return _both_ways(x, _butterworth(order, float(cutoff), float(rate)), order, segments)
 
 
-@dataclass(frozen=True, eq=False)
-class _Filter:
-    """A filter in second-order sections."""
-
-    sos: Floats  # the sections, (m, 6)
-    rest: Floats  # their states at rest on a constant of one, (m, 2)
-
-    @classmethod
-    def of(cls, sos: Floats) -> _Filter:
-        """Return a filter with its states at rest."""
-        return cls(sos, scipy.signal.sosfilt_zi(sos))
-
-    def forward(self, x: Floats) -> Floats:
-        """Return ``x`` (n, ...) filtered, from rest on its first sample."""
-        rest = self.rest.reshape(self.rest.shape + (1,) * (x.ndim - 1))
-        return np.asarray(scipy.signal.sosfilt(self.sos, x, axis=0, zi=rest * x[:1])[0])
-
-
-def _both_ways(x: Floats, by: _Filter, order: int, segments: Segments) -> Floats:
+def _both_ways(x: Floats, by: tuple[Floats, Floats], order: int, segments: Segments) -> Floats:
     """Filter each stretch of x, (n,) or (n, k), both ways, extended by odd reflection over 3 * order samples."""
-    pad = 3 * order
+    pad, sos, rest = 3 * order, by[0], by[1].reshape(*by[1].shape, *[1] * (x.ndim - 1))
     out = x.copy()
     for part in _stretches(x, segments):
         if len(x[part]) <= pad:
@@ -62,7 +43,9 @@ def _both_ways(x: Floats, by: _Filter, order: int, segments: Segments) -> Floats
             )
         y = x[part]
         y = np.concatenate([2.0 * y[:1] - y[pad:0:-1], y, 2.0 * y[-1:] - y[-2 : -2 - pad : -1]])
-        out[part] = by.forward(by.forward(y)[::-1])[::-1][pad:-pad]
+        for _ in range(2):  # from rest on the first sample
+            y = scipy.signal.sosfilt(sos, y, axis=0, zi=rest * y[:1])[0][::-1]
+        out[part] = y[pad:-pad]
     return out
 
 
@@ -106,13 +89,16 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
 
 
 @lru_cache
-def _decimator(factor: int) -> _Filter:
-    return _Filter.of(scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
+def _decimator(factor: int) -> tuple[Floats, Floats]:
+    """Return sections (m, 6) and their states at rest on a constant of one, (m, 2)."""
+    sos = scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
+    return sos, scipy.signal.sosfilt_zi(sos)
 
 
 @lru_cache
-def _butterworth(order: int, cutoff: float, rate: float) -> _Filter:
-    return _Filter.of(scipy.signal.butter(order, cutoff, fs=rate, output="sos"))
+def _butterworth(order: int, cutoff: float, rate: float) -> tuple[Floats, Floats]:
+    sos = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    return sos, scipy.signal.sosfilt_zi(sos)
 
 
 def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:

@@ -69,8 +69,9 @@ def request(machine: Machine, log: Log | Motion) -> Request:
     """Return the command of a log, or a motion of one stretch; LogError for gaps, DataError for none or two clocks."""
     if isinstance(log, Motion):
         return _of_motion(log)
-    held = log.channels
-    log = bind(log, machine.columns, optional=_measured(machine))
+    held, needed = log.channels, ("t", "qr", *LOAD_SIGNALS)
+    measured = {k for k in machine.columns if k.rsplit(".", 1)[-1] not in needed}
+    log = bind(log, machine.columns, optional=measured)  # what was measured need not be in the log
     _require(machine, log, held)
     t = np.asarray(log.t, dtype=float)
     even, clock, notes = _clock(log)
@@ -108,12 +109,6 @@ def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tupl
     N = machine.transmission
     effort: Floats = np.linalg.solve(N.T, u.T).T.astype(float)
     return q @ N.T, e @ N.T, effort
-
-
-def _measured(machine: Machine) -> set[str]:
-    """Return the channels beside those of a command: what was measured need not be in the log."""
-    needed = ("t", "qr", *LOAD_SIGNALS)
-    return {k for k in machine.columns if k.rsplit(".", 1)[-1] not in needed}
 
 
 def _commands_hint(machine: Machine, held: Iterable[str], name: str) -> str:

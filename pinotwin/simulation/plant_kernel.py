@@ -146,7 +146,7 @@ def bend(tables, k, q, v, pace, s):  # type: ignore[no-untyped-def]
 
 @leaf
 def friction(tables, s):  # type: ignore[no-untyped-def]
-    """Add the efforts of velocity, direction (:mod:`pinotwin.effects.direction`) and displacement to r; move memory."""
+    """Add the efforts of velocity, direction (:mod:`pinotwin.effects.friction`) and displacement to r; move memory."""
     for j in range(len(s.v)):
         s.pace[j] = pace_of(tables, j, s.v[j])
     for k in range(len(tables.speeds)):

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError, InputError, TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 from pinotwin.simulation import coupled_kernel, kernel
-from pinotwin.simulation.beyond import beyond
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
 from pinotwin.simulation.law import LONGEST, law_rows, substeps
@@ -25,6 +25,7 @@ from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
 from pinotwin.simulation.state import Command, Record, records
+from pinotwin.system.phrases import BEYOND
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
 
@@ -260,10 +261,8 @@ def _logged(twin: Twin, out: Response) -> Response:
 def _effort(effects: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
     """Return the effort of some effects along a motion, shape (n, nv)."""
     nv = len(motion.names)
-    total = np.zeros((len(motion), nv))
-    for effect, theta in effects:
-        total += effect.columns(motion).effort(theta, nv)
-    return total
+    parts = (effect.columns(motion).effort(theta, nv) for effect, theta in effects)
+    return sum(parts, start=np.zeros((len(motion), nv)))
 
 
 def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:
@@ -362,3 +361,35 @@ def feedforward(twin: Twin, log: Log) -> Log:
     u = motor_coordinates(twin.machine, zero, zero, effort)[2]
     channels = {"t": asked.t, **{f"{k}.u": u[:, x.index] for k, x in twin.machine.axes.items()}}
     return Log(channels, source=f"feed-forward for {asked.source}", notes=asked.notes)
+
+
+def beyond(twin: Twin, asked: Request, most: int = 2000) -> tuple[str, ...]:
+    """Return a note about where an effect along the travel is less known than the twin's misfit, of ``most`` rows."""
+    step = max(len(asked.qr) // most, 1)
+    q, v, names = asked.qr[::step], asked.vr[::step], (twin.machine.names, twin.machine.rotary)
+    motion = Motion.exact(names, asked.clock[::step], q, v, np.zeros_like(v), step=step * asked.step)
+    if twin.misfit is None:
+        return ()
+    error, found = twin.effort_error(motion), []
+    for effect in twin.effects:
+        own = twin.misfit.summary.get(str(effect.axis))
+        if not effect.local or own is None:
+            continue
+        j = motion.index(str(effect.axis))
+        strange = error[:, j] > own["moving"]
+        if places := _places(q[:, j], strange):
+            size = float(np.hypot(rms(error[strange, j]), own["moving"]))
+            of = {"axis": effect.axis, "unit": "rad" if motion.rotary[j] else "m", "effort": own["unit"]}
+            found.append(
+                BEYOND["axis"].format(**of, places=", ".join(places), share=strange.mean(), error=size)
+            )
+    return (BEYOND["note"].format(axes="; ".join(found)),) if found else ()
+
+
+def _places(q: Floats, strange: Mask, count: int = 50) -> list[str]:
+    """Return the ranges of some positions (n,) [m or rad] in which most are strange, of ``count`` even parts."""
+    edges = np.linspace(q.min(), q.max(), count + 1)
+    part = np.clip(np.searchsorted(edges, q, side="right") - 1, 0, count - 1)
+    share = np.bincount(part, strange, count) / np.maximum(np.bincount(part, minlength=count), 1)
+    turns = edges[np.flatnonzero(np.diff(np.r_[False, share > 0.5, False]))]
+    return [f"{low:.3g} to {high:.3g}" for low, high in turns.reshape(-1, 2)]

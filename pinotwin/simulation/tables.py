@@ -21,8 +21,8 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect
-from pinotwin.effects.direction import default_width
 from pinotwin.effects.effect import Paired
+from pinotwin.effects.friction import default_width
 from pinotwin.effects.presliding import ELEMENTS, Presliding, yields
 from pinotwin.effects.scene import moves
 from pinotwin.machine import Machine

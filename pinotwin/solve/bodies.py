@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.pseudoinertia import BASIS, pseudo_inertia
-from pinotwin.solve.tsqr import r_factor
+from pinotwin.dynamics.parameters import BASIS, pseudo_inertia
+from pinotwin.solve.rank import r_factor
 
 HOLD = 1e-6  # Share of the data's information that holds a coefficient where nothing else tells it
 SETTLED, SHORT = 1e-8, 1e-10

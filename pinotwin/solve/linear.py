@@ -20,9 +20,8 @@ from pinotwin.errors import DataError
 from pinotwin.solve.bounds import bounded
 from pinotwin.solve.covariance import Inference, spread
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.rank import Rank, analyse
+from pinotwin.solve.rank import Rank, analyse, r_factor
 from pinotwin.solve.result import LinearFit
-from pinotwin.solve.tsqr import r_factor
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,16 @@ class Prior:
 
 @dataclass(frozen=True)
 class Options:
-    """How :func:`linear` solves; a ridge keeps knots with hardly any data from running away, but determines none."""
+    """How :func:`linear` solves.
+
+    A ridge keeps coefficients with hardly any data (the edge knots of a table) from running away, a belief tells how
+    coefficients hang together, but neither makes one count as determined.
+    """
 
     prior: Prior | None = None  # see :class:`Prior`; None is zero
     ridge: Floats | None = None  # how near the prior mean it is believed, shape (p,), inf for none
+    belief: Floats | None = None  # rows B, shape (k, p): B theta is believed to be zero, give or take a sigma
+    alike: Floats | None = None  # rows of the data that tell as much as one of B's, shape (k,)
     lower: Floats | None = None  # bounds on theta, shape (p,); None for none
     upper: Floats | None = None  # bounds on theta, shape (p,); None for none
     sigma: Floats | None = None  # known noise level per axis; None to find it
@@ -48,6 +53,7 @@ class Options:
     def by_coefficient(self, change: Callable[[Floats, float], Floats]) -> Options:
         """Return the same for other coefficients: each array (p,) changed, given what stands for none in it."""
         none = {"ridge": np.inf, "lower": -np.inf, "upper": np.inf}
+        rows = None if self.belief is None else np.array([change(row, 0.0) for row in self.belief])
         given = {name: getattr(self, name) for name in none}
         prior = self.prior
         if prior is not None:
@@ -55,7 +61,7 @@ class Options:
         changed: dict[str, Any] = {
             name: None if x is None else change(x, none[name]) for name, x in given.items()
         }
-        return replace(self, prior=prior, **changed)
+        return replace(self, prior=prior, belief=rows, **changed)
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ class Solution:
     @cached_property
     def seen(self) -> Rank:
         """What the data determine without the ridge."""
-        if self.options.ridge is None:
+        if self.options.ridge is None and self.options.belief is None:
             return self.rank
         prior = self.options.prior
         return analyse(self.factor, self.options.tolerance, None if prior is None else prior.std)
@@ -128,11 +134,12 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
         )
     error = problem.y - problem.W @ found.theta
     spreading = spread(problem, found.sigma, error, found.rank.root, options.inference)
+    believed = spread_of_belief(found.rank.root, options)
     p = problem.parameters
     return LinearFit(
         problem=problem,
         theta=found.theta,
-        covariance=spreading.covariance,
+        covariance=spreading.covariance + believed,
         dof=spreading.dof,
         sigma=found.sigma,
         rank=seen.rank,
@@ -183,6 +190,8 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
 
 def _with_ridge(R: Floats, z: Floats, options: Options) -> tuple[Floats, Floats]:
     """Return a factor and its right side with the rows of the weak belief."""
+    if options.belief is not None:
+        R, z = np.concatenate([R, options.belief]), np.append(z, np.zeros(len(options.belief)))
     if options.ridge is None:
         return R, z
     weak = np.flatnonzero(np.isfinite(options.ridge))
@@ -190,6 +199,14 @@ def _with_ridge(R: Floats, z: Floats, options: Options) -> tuple[Floats, Floats]
     extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
     mean = 0.0 if options.prior is None else options.prior.mean[weak]
     return np.concatenate([R, extra]), np.concatenate([z, mean / options.ridge[weak]])
+
+
+def spread_of_belief(root: Floats, options: Options) -> Floats:
+    """Return the covariance that theta has because a belief pulls it, shape (p, p), of F (p, rank) with its rows."""
+    if options.belief is None or options.alike is None:
+        return np.zeros((len(root), len(root)))
+    pull = root @ (root.T @ (options.belief * np.sqrt(options.alike)[:, None]).T)
+    return np.asarray(pull @ pull.T)
 
 
 def _first_levels(reduced: Reduced) -> Floats:

@@ -34,7 +34,21 @@ class Problem:
     turning: Mask | None = None  # rows after a turn, where a law of dry friction is least true, shape (rows,)
 
     def __post_init__(self) -> None:
-        _check(self)
+        rows = len(self.y)
+        if self.W.ndim != 2 or self.W.shape[1] != len(self.names):
+            raise DataError(f"regressor has shape {self.W.shape} for {len(self.names)} named parameters")
+        for name in ("W", "axis", "time", "block"):
+            if len(getattr(self, name)) != rows:
+                raise DataError(f"{name} has {len(getattr(self, name))} rows, y has {rows}")
+        if rows == 0:
+            raise DataError("no rows left to fit: relax the data selection or record more motion")
+        if not (np.isfinite(self.W).all() and np.isfinite(self.y).all()):
+            raise DataError("regressor or effort holds NaN or infinite values; select the rows first")
+        key = np.stack([self.axis, self.block, self.time])
+        step = np.diff(key, axis=1)
+        later = (step[0] > 0) | ((step[0] == 0) & ((step[1] > 0) | ((step[1] == 0) & (step[2] > 0))))
+        if not later.all():
+            raise DataError("rows must be sorted by axis, then block, then strictly increasing time")
 
     @property
     def parameters(self) -> int:
@@ -125,22 +139,3 @@ class Grid:
         rows = np.arange(len(index))
         adder = scipy.sparse.csr_array((np.ones(len(index)), (index, rows)), (int(starts[-1]), len(index)))
         return np.asarray(adder @ values)
-
-
-def _check(problem: Problem) -> None:
-    """Refuse rows that do not form a problem."""
-    rows = len(problem.y)
-    if problem.W.ndim != 2 or problem.W.shape[1] != len(problem.names):
-        raise DataError(f"regressor has shape {problem.W.shape} for {len(problem.names)} named parameters")
-    for name in ("W", "axis", "time", "block"):
-        if len(getattr(problem, name)) != rows:
-            raise DataError(f"{name} has {len(getattr(problem, name))} rows, y has {rows}")
-    if rows == 0:
-        raise DataError("no rows left to fit: relax the data selection or record more motion")
-    if not (np.isfinite(problem.W).all() and np.isfinite(problem.y).all()):
-        raise DataError("regressor or effort holds NaN or infinite values; select the rows first")
-    key = np.stack([problem.axis, problem.block, problem.time])
-    step = np.diff(key, axis=1)
-    later = (step[0] > 0) | ((step[0] == 0) & ((step[1] > 0) | ((step[1] == 0) & (step[2] > 0))))
-    if not later.all():
-        raise DataError("rows must be sorted by axis, then block, then strictly increasing time")

@@ -10,20 +10,21 @@ together. The covariance comes from the full Jacobian, so that the shapes' uncer
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import scipy
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
+from pinotwin.solve.bounds import bounded
 from pinotwin.solve.covariance import spread
-from pinotwin.solve.descent import End, rival
-from pinotwin.solve.linear import Options, linear, reduce, solve
+from pinotwin.solve.descent import End, Remembered, rival, trust_region
+from pinotwin.solve.linear import Options, linear, reduce, solve, spread_of_belief
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.polish import Limits, VariableProjection, polish
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.projection import Projection
-from pinotwin.solve.rank import analyse
+from pinotwin.solve.projection import Projection, Span
+from pinotwin.solve.rank import analyse, r_factor
 from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
 
@@ -172,15 +173,21 @@ class _Search:
             at, k = at + len(m.names), k + len(x)
         names = (*self.names, *(f"{m.name}.{s}" for m in self.moving for s in m.shapes))
         joint = full.with_columns(np.column_stack([full.W, slopes]), names)
-        rank = analyse(reduce(joint).triangle(fit.sigma)[:-1, :-1], self.options.tolerance)
-        found = spread(joint, fit.sigma, fit.residual, rank.root, self.options.inference)
+        options = self.options.by_coefficient(lambda x, none: np.append(x, np.full(slopes.shape[1], none)))
+        R = reduce(joint).triangle(fit.sigma)[:-1, :-1]
+        rank = analyse(R, self.options.tolerance)
+        root = rank.root
+        if options.belief is not None:
+            root = analyse(np.concatenate([R, options.belief]), self.options.tolerance).root
+        found = spread(joint, fit.sigma, fit.residual, root, self.options.inference)
+        covariance = found.covariance + spread_of_belief(root, options)
         fit = replace(
             fit,
-            covariance=found.covariance[:p, :p],
+            covariance=covariance[:p, :p],
             dof=found.dof[:p],
             determined=fit.determined & rank.determined[:p],
         )
-        error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(found.covariance), 0)), np.inf)[p:]
+        error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)[p:]
         return SeparableFit(fit, tuple(self.shapes(iter(error.tolist()))))
 
     def shapes(self, errors: Iterator[float]) -> Iterator[ShapeFit]:
@@ -189,3 +196,102 @@ class _Search:
             for name, *numbers, log in zip(m.shapes, x, *m.bounds, m.log, strict=True):
                 value, low, high = map(float, numbers)
                 yield ShapeFit(m.name, name, value, next(errors), low, high, bool(log))
+
+
+GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40  # Most evaluations of the first and of both searches
+CLOSE = 1e-9  # Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`."""
+
+    lower: Floats  # shape (p,)
+    upper: Floats  # shape (p,)
+    tolerance: float  # smallest relative pivot that counts as seen
+
+
+class VariableProjection:
+    """Residual and Jacobian of the variable projection as functions of the search coordinates.
+
+    || P(x) y ||^2 with P(x) the projector off the columns W(x), and Kaufman's Jacobian -P dW/dx theta (Kaufman 1975,
+    doi:10.1007/BF01932995; Golub & Pereyra 2003, doi:10.1088/0266-5611/19/2/201).
+    """
+
+    def __init__(self, projection: Projection, sigma: Floats, limits: Limits) -> None:
+        """Prepare for given noise levels of the axes; limits are those of fixed coefficients first."""
+        self._projection = projection
+        self._sigma = sigma
+        self._limits = limits
+        self._linear = np.delete(np.arange(projection.width), projection.fixed)
+        self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
+        self.evaluate = Remembered(self._evaluate)
+
+    def _evaluate(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the residual in small coordinates, and Kaufman's Jacobian of it."""
+        P = self._projection
+        parts = P.split(x)
+        columns = [m.at(part) for m, part in zip(P.moving, parts, strict=True)]
+        pieces = [(b, C, P.numbers(b)) for b, C in enumerate(columns)]
+        theta, free = self._solve(P.small(pieces, self._sigma, P.width))
+        for b, (m, part) in enumerate(zip(P.moving, parts, strict=True)):
+            slopes = m.slopes(part, theta[P.numbers(b) - 1])
+            pieces.append((b, slopes, P.width + np.arange(self._cuts[b], self._cuts[b + 1])))
+        small = P.small(pieces, self._sigma, P.width + len(x))
+        W, y = small[:, self._linear], small[:, P.fixed]
+        base = Span.of(W[:, free], np.arange(int(free.sum()))).basis
+        slope = small[:, P.width :]
+        jacobian = -(slope - base @ (base.T @ slope))
+        return y - W @ theta, jacobian
+
+    def _solve(self, small: Floats) -> tuple[Floats, Mask]:
+        """Return theta and which of its entries are free of bounds."""
+        W, y = small[:, self._linear], small[:, self._projection.fixed]
+        length = np.linalg.norm(W, axis=0)
+        unit = 1.0 / np.where(length > 0, length, 1.0)
+        # gelsy: pivoted QR, several times faster than singular values where tables make p large
+        options = {"cond": self._limits.tolerance, "lapack_driver": "gelsy", "check_finite": False}
+        theta = unit * scipy.linalg.lstsq(W * unit, y, **options)[0]
+        free = np.ones(len(theta), bool)
+        outside = (theta < self._limits.lower) | (theta > self._limits.upper)
+        if outside.any():
+            rank = analyse(r_factor(W), self._limits.tolerance)
+            theta, active = bounded(W, y, self._limits.lower, self._limits.upper, np.zeros_like(theta), rank)
+            free = ~active
+        return theta, free
+
+
+def polish(
+    problem: VariableProjection, bounds: tuple[Floats, Floats], start: Floats, most: int = MAX_EVALUATIONS
+) -> End:
+    """Return the optimum of all shapes near ``start``, within bounds, in search coordinates; most evaluations.
+
+    By `scipy.optimize.least_squares`, whose curvature is wrong by what the residual bends: where the model leaves much
+    (a ripple's pitch beside a flexible frame), its steps overshoot to and fro, and the gradient, which is exact, leads
+    a quasi-Newton search (L-BFGS-B) to the optimum.
+    """
+    few, tolerances = min(most, GAUSS_NEWTON), {"ftol": CLOSE, "xtol": 1e-9}
+    end = trust_region(problem.evaluate, start, bounds, 1e-9, x_scale="jac", max_nfev=few, **tolerances)
+    left = most - end.evaluations
+    return end if end.converged or left <= 0 else _finished(problem, end, bounds, left)
+
+
+def _finished(problem: VariableProjection, begun: End, bounds: tuple[Floats, Floats], most: int) -> End:
+    """Return the end of a quasi-Newton search, its coordinates scaled by the lengths of the Jacobian's columns."""
+    length = np.linalg.norm(problem.evaluate(begun.x)[1], axis=0)
+    scale = np.where(length > 0.0, length, 1.0)
+
+    def cost(z: Floats) -> tuple[float, Floats]:
+        residual, jacobian = problem.evaluate(z / scale)
+        return 0.5 * float(residual @ residual), jacobian.T @ residual / scale
+
+    found = scipy.optimize.minimize(
+        cost,
+        begun.x * scale,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=np.transpose(np.array(bounds) * scale),
+        options={"ftol": 1e-3 * CLOSE, "gtol": 1e-9, "maxcor": 20, "maxfun": most},
+    )
+    x = np.clip(found.x / scale, *bounds)
+    return End(x, float(found.fun), begun.evaluations + int(found.nfev), bool(found.success))

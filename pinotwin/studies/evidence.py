@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.errors import DataError, nearest
+from pinotwin.errors import DataError, require
 from pinotwin.identification.assemble import choose_rows, thin
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
@@ -53,8 +53,7 @@ class Evidence:
     def index(self, axis: str) -> int:
         """Return the column of a measured axis; DataError if there is none, or it has no effort."""
         known = [self.names[j] for j in self.measured]
-        if axis not in known:
-            raise DataError(f"{self.source}: no measured effort of axis {axis!r}; {nearest(axis, known)}")
+        require(axis, known, f"{self.source}: no measured effort of axis", DataError)
         return self.names.index(axis)
 
 

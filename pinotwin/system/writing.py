@@ -7,8 +7,10 @@ A result is made beside its target, ``.<name>.<random>.part``, and renamed when 
 from __future__ import annotations
 
 import contextlib
+import csv
 import ctypes
 import errno
+import io
 import json
 import os
 import re
@@ -16,7 +18,7 @@ import shutil
 import stat
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -107,6 +109,13 @@ def write_bytes(path: str | Path, content: bytes) -> None:
     """Write a file, whole or not at all."""
     with whole_file(path) as part:
         part.write_bytes(content)
+
+
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Return rows of cells as CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def append_text(path: Path, text: str) -> None:

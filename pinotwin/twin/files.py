@@ -32,7 +32,7 @@ from pinotwin.twin.moments import Moments
 from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
-SCHEMA = "pinotwin.twin/1"
+SCHEMA = "pinotwin.twin/2"
 COVARIANCE = "covariance.npz"
 
 

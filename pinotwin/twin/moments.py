@@ -1,6 +1,6 @@
 """What a twin keeps of all rows that it was fitted to: enough to add more logs without the rows themselves.
 
-The factor R of ``[W y]`` of a log and a joint (:mod:`pinotwin.solve.tsqr`), and the covariance of the summed scores.
+The factor R of ``[W y]`` of a log and a joint (:mod:`pinotwin.solve.rank`), and the covariance of the summed scores.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +46,8 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     drawn = draw(machine.model, visual, frames=False, masses=False, name=machine.name)
     drawn = colour(drawn, shades)
     mark(drawn, found, machine)  # in a colour of its own
-    return panel(drawn, machine, tracks=tracks, subtitle=_told(found, machine.axes))
+    states = ", ".join(f"{name} {STATES[found.situation][found.state(name)]}" for name in machine.axes)
+    return panel(drawn, machine, tracks=tracks, subtitle=f"playing the diagnosed log; {states}")
 
 
 def shade(found: Diagnosis, axis: str) -> Colour:
@@ -81,8 +81,3 @@ def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.
             left = np.where(away < near, np.interp(at, trace.t, trace.after), np.nan)
             series[trace.axis]["gap"] = [*series[trace.axis]["gap"], ("with the causes", "#2b6cb0", left)]
     return replace(tracks, series=series)
-
-
-def _told(found: Diagnosis, axes: Iterable[str]) -> str:
-    words = ", ".join(f"{name} {STATES[found.situation][found.state(name)]}" for name in axes)
-    return f"playing the diagnosed log; {words}"

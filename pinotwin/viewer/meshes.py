@@ -116,14 +116,11 @@ def _own_colour(visual: Any) -> Rgba | None:
     """Return the colour of a file's body: of its material, the mean of its texture or of its vertices."""
     if not visual.defined:
         return None
-    if visual.kind != "texture":
-        red, green, blue, _ = np.asarray(visual.main_color, dtype=float) / 255.0
-        return (red, green, blue, 1.0)
-    material = visual.material
-    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    owner = visual.material if visual.kind == "texture" else visual
+    picture = getattr(owner, "baseColorTexture", None) or getattr(owner, "image", None)
     if picture is not None:
         return _mean(picture)
-    red, green, blue = np.asarray(material.main_color, dtype=float)[:3] / 255.0
+    red, green, blue = np.asarray(owner.main_color, dtype=float)[:3] / 255.0
     return (red, green, blue, 1.0)
 
 

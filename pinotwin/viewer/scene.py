@@ -189,9 +189,7 @@ def _draw_masses(drawn: Scene, size: float) -> None:
         radius = 0.04 * size * (body.mass / heaviest) ** (1 / 3)
         ball = drawn.node(joint)["mass"]
         ball.set_object(mg.Sphere(radius), _overlay(_MASS_COLOUR, 0.75))
-        pose = np.eye(4)
-        pose[:3, 3] = body.lever
-        ball.set_transform(pose)
+        ball.set_transform(pin.SE3(np.eye(3), body.lever).homogeneous)
 
 
 def _overlay(colour: int, opacity: float) -> mg.Material:
@@ -215,10 +213,8 @@ def place_mark(drawn: Scene, joint: str, at: float, size: float) -> None:
     own, moved = drawn.model.joints[number], np.zeros(drawn.model.nv)
     q[own.idx_q : own.idx_q + own.nq] = pin.neutral(drawn.model)[own.idx_q : own.idx_q + own.nq]
     moved[own.idx_v] = at
-    poses, before = (
-        joint_poses(drawn.model, pin.integrate(drawn.model, q, moved)),
-        drawn.model.parents[number],
-    )
+    poses = joint_poses(drawn.model, pin.integrate(drawn.model, q, moved))
+    before = drawn.model.parents[number]
     # Of a joint that turns it is a point off its axis, towards what it carries.
     carried = zip(drawn.model.jointPlacements, drawn.model.parents, strict=True)
     arms = [

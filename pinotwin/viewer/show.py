@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinotwin.analysis.modal import Modes, animate
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, nearest, require
 from pinotwin.log import Log
 from pinotwin.logs.files import read_argument
 from pinotwin.logs.prepare import prepare
@@ -172,8 +172,7 @@ def parse_posture(text: str, rotary: Mapping[str, bool]) -> dict[str, float]:
         axis, equals, value = (word.strip() for word in item.partition("="))
         if not equals:
             raise InputError(f"posture: expected axis=value, found {item!r}, e.g. Y=0.1,A=30deg")
-        if axis not in rotary:
-            raise InputError(f"posture: no axis {axis!r}; {nearest(axis, rotary)}")
+        require(axis, rotary, "posture: no axis", InputError)
         if axis in posture:
             raise InputError(f"posture: axis {axis!r} is given twice")
         posture[axis] = _position(axis, value, rotary[axis])

@@ -89,9 +89,7 @@ def aim(points: Floats) -> Camera:
 def set_stage(viewer: meshcat.Visualizer, points: Floats) -> None:
     """Set light, background, floor and camera for points (n, 3) [m], moved to the origin that the camera orbits."""
     size, camera = diagonal(points), aim(points)
-    to_target = np.eye(4)
-    to_target[:3, 3] = -camera.target
-    viewer.set_transform(to_target)
+    viewer.set_transform(pin.SE3(np.eye(3), -camera.target).homogeneous)
     _set_background(viewer, points, size)
     _set_lights(viewer, size)
     x, y, z = (float(value) for value in camera.offset)
@@ -131,14 +129,9 @@ def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
         ("FillLight", (0.3, -0.4, 1.0), {"intensity": 0.12}),  # of this one the direction alone counts
         ("AmbientLight", None, {"intensity": 0.46}),
     ):
+        path = f"/Lights/{name}/<object>"
         if at is not None:
-            _set(viewer[f"/Lights/{name}/<object>"], position=[size * x for x in at])
+            _set(viewer[path], position=[size * x for x in at])
         for key, value in looks.items():  # as a message, since meshcat lowers the case of their names
-            what = {
-                "type": "set_property",
-                "path": f"/Lights/{name}/<object>",
-                "property": key,
-                "value": value,
-            }
-            viewer.window.take(what)
+            viewer.window.take({"type": "set_property", "path": path, "property": key, "value": value})
     _set(viewer["/Lights/SpotLight"], visible=True)

@@ -114,21 +114,6 @@ def _triangle(a: AxisTruth, d: Dose) -> AxisTruth:
     return _rippled(a, *waves)
 
 
-def _feedforward(a: AxisTruth, d: Dose) -> AxisTruth:
-    share = a.controller.acceleration_feedforward * (1.0 - d.of(1.0))
-    return changed(a, "controller", acceleration_feedforward=share)
-
-
-def _wandering(a: AxisTruth, d: Dose) -> AxisTruth:
-    a = changed(a, "friction", wander_period=d.scale.travel / 3.0)
-    return _more(a, wander=min(_per_coulomb(a, d), 0.95))
-
-
-def _gms(a: AxisTruth, d: Dose) -> AxisTruth:
-    wider = (a.friction.presliding or 1e-5) * (1.0 + 10.0 * d.size)
-    return changed(a, "friction", kind="gms", presliding=wider)
-
-
 INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     # size: share of rated effort at the speed limit
     "viscous": lambda a, d: _more(a, viscous=d.of(d.scale.rated / d.scale.speed)),
@@ -147,7 +132,9 @@ INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "load_friction": lambda a, d: _more(a, load=d.of(1.0)),
     "viscous_thermal": lambda a, d: changed(a, "friction", warming=-min(d.of(1.0), 0.95), warming_time=8.0),
     "effort_scale": lambda a, d: changed(a, "effort", scale=1.0 + d.of(1.0)),
-    "feedforward": _feedforward,
+    "feedforward": lambda a, d: changed(
+        a, "controller", acceleration_feedforward=a.controller.acceleration_feedforward * (1.0 - d.of(1.0))
+    ),
     "saturation": _limit,
     # size 0.1: presliding 6 times wider, mode at 63 Hz, 10 um or 0.1 mrad, 1 ms, 10 mrad
     "presliding": lambda a, d: _more(a, presliding=d.of(50.0 * (a.friction.presliding or 1e-5))),
@@ -162,10 +149,14 @@ INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
 
 OUTSIDE: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "ripple_speed": lambda a, d: _rippled(a, _harmonic(d, speed=d.scale.speed)),
-    "coulomb_position": _wandering,
+    "coulomb_position": lambda a, d: _more(
+        changed(a, "friction", wander_period=d.scale.travel / 3.0), wander=min(_per_coulomb(a, d), 0.95)
+    ),
     "mains": lambda a, d: _rippled(a, Harmonic(d.of(d.scale.rated), rate=float(d.rng.uniform(8, 40)))),
     "chatter": lambda a, d: _more(a, chatter=_per_coulomb(a, d)),
-    "gms": _gms,
+    "gms": lambda a, d: changed(
+        a, "friction", kind="gms", presliding=(a.friction.presliding or 1e-5) * (1.0 + 10.0 * d.size)
+    ),
     "loop_delay": lambda a, d: changed(a, "controller", delay=max(1, round(d.of(40.0)))),
     "ripple_triangle": _triangle,
 }

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -124,7 +124,9 @@ class ImuSensor:
         tau, instants = self._stamps(motion.t, rng)
         gyr = CubicSpline(motion.t, gyr)(instants) + _errors(self.gyro, self.clock.rate, tau, rng)
         acc = CubicSpline(motion.t, acc)(instants) + _errors(self.accel, self.clock.rate, tau, rng)
-        keep = self._kept(tau, rng)
+        keep = rng.random(len(tau)) >= self.clock.drop
+        for start, stop in self.clock.holes:
+            keep &= (tau < start) | (tau >= stop)
         if self.clock.restart is not None:
             tau = np.where(tau >= self.clock.restart, tau - self.clock.restart, tau)
         return ImuReading(tau[keep], gyr[keep], acc[keep])
@@ -135,12 +137,6 @@ class ImuSensor:
         low, high = ((x - c.offset) / (1.0 + c.skew) for x in (t[0] + margin, t[-1] - margin))
         tau = np.arange(np.ceil(low * c.rate), np.floor(high * c.rate) + 1.0) / c.rate
         return tau, (1.0 + c.skew) * tau + c.offset + rng.normal(0.0, c.jitter, len(tau))
-
-    def _kept(self, tau: Floats, rng: np.random.Generator) -> Mask:
-        keep = rng.random(len(tau)) >= self.clock.drop
-        for start, stop in self.clock.holes:
-            keep &= (tau < start) | (tau >= stop)
-        return keep
 
 
 def low_pass(x: Floats, cutoff: float, step: float) -> Floats:

@@ -14,7 +14,7 @@ from pinotwin.errors import DataError, MachineError
 from pinotwin.virtual import columns as c
 from pinotwin.virtual import kernel, run
 from pinotwin.virtual.assemble import bodies_of, resolve, true_model
-from pinotwin.virtual.axis_truth import Drive, Limits
+from pinotwin.virtual.axis_truth import Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
@@ -76,7 +76,10 @@ class VirtualMachine:
         for name, j in index.items():
             middle[j] = np.mean(truth.axes[name].limits.travel or (0.0, 0.0))
         inertia = np.diag(inertia_at(cad, middle))
-        forward = {n: float(inertia[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
+        forward = {}  # inertia of CAD and what a rotor adds to it
+        for name, j in index.items():
+            drive = truth.axes[name].drive
+            forward[name] = float(inertia[j]) + (0.0 if drive.inside else drive.rotor or 0.0)
         timing = _timing(truth, layout, true, forward)
         return cls(folder.name, truth, model, true, layout, sizes, timing, forward)
 
@@ -152,11 +155,6 @@ class VirtualMachine:
             coulomb, viscous = (axis.friction.coulomb or 0.0) * a, (axis.friction.viscous or 0.0) * b
             axes[name] = changed(axis, "friction", coulomb=coulomb, viscous=viscous)
         return replace(self.truth, axes=axes)
-
-
-def _added(drive: Drive) -> float:
-    """Return what a rotor adds to the inertia of CAD, which the feed-forward knows."""
-    return 0.0 if drive.inside else drive.rotor or 0.0
 
 
 def _timing(truth: Truth, layout: Layout, true: pin.Model, cad: Mapping[str, float]) -> Timing:

@@ -122,7 +122,7 @@ def episodes(
     block = sample.block[joint]
     before, after = (np.bincount(block, x * x, sample.blocks).astype(float) for x in (r, left))
     gain = float(before.sum() - after.sum())
-    listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
+    listed = [_episode(sample, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
     share = gain / max(float(r @ r), 1e-300)
     course = floor[joint] * (r - _levelled(r, found))
     return Episodes(joint, listed, gain, share, before - after, t, inside, course)
@@ -179,11 +179,8 @@ def _gain(total: Floats, low: int, a: int, b: int) -> float:
 
 def _typical(r: Floats, t: Floats, segment: Ints) -> float:
     """Return what the largest window of a residual without pushes may reach: from its quieter windows."""
-    worst = 0.0
-    for width in WIDTHS:
-        gain = _windows(r, t, segment, float(width))[0]
-        worst = max(worst, float(np.quantile(gain, 0.75)))
-    return max(6.0 * worst, 1e-300)
+    gains = (_windows(r, t, segment, float(width))[0] for width in WIDTHS)
+    return max(6.0 * max(float(np.quantile(gain, 0.75)) for gain in gains), 1e-300)
 
 
 def _levelled(r: Floats, found: Sequence[tuple[int, int]], told: Mask | None = None) -> Floats:
@@ -203,9 +200,7 @@ def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
     return np.where(half, _levelled(r, found, ~half), _levelled(r, found, half))
 
 
-def _episode(  # noqa: PLR0913, what one push is read from
-    sample: Sample, joint: int, floor: float, r: Floats, t: Floats, segment: Ints, a: int, b: int
-) -> Episode:
+def _episode(sample: Sample, floor: float, r: Floats, t: Floats, segment: Ints, a: int, b: int) -> Episode:
     part = r[a:b] * floor
     force = -float(part.mean())
     pieces = np.array_split(part, max(2, min(8, len(part) // 2)))

@@ -35,12 +35,11 @@ def log_facts(log: Log, role: str) -> dict[str, Any]:
     """Return name, length and hash of a log: of its file (SHA-256) where it is one, else of its numbers."""
     t = log.channels.get("t")
     path = Path(log.source)
-    whole = path.is_file()
     return {
         "source": log.source,
         "role": role,
         "rows": len(log),
         "seconds": None if t is None or len(t) == 0 else float(t[-1] - t[0]),
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest() if whole else None,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None,
         "fingerprint": log.fingerprint(),
     }

@@ -56,7 +56,8 @@ def judge(
     else:
         verdict = "unexplained" if unexplained else "none"
     notes = [
-        _note(axis, row["u"])
+        f"{axis}: the residual is {row['u'].after / row['u'].expected:.1f} times the twin's expected error, and "
+        "no single cause explains it. This motion may lie outside the data of the twin"
         for axis, row in judged.items()
         if _odd(row["u"], rules) and axis not in unexplained
     ]
@@ -105,13 +106,6 @@ def _odd(g: Gap, rules: Rules) -> bool:
     return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.expected))
 
 
-def _note(axis: str, g: Gap) -> str:
-    return (
-        f"{axis}: the residual is {g.after / g.expected:.1f} times the twin's expected error, and no single cause "
-        "explains it. This motion may lie outside the data of the twin"
-    )
-
-
 def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
     """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     silent = {**c.gate.silent, **c.gate.unknown}
@@ -154,7 +148,9 @@ def _sentence(
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
     asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES))
     if asked and not any(largest in _axes(e) for e in effects):
-        text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
+        share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
+        text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"
+        text += f"; it {patterns[largest]}" if largest in patterns else ""
     head = {
         "explained": "has changed: " if c.change else "the model misses ",
         "partly_explained": "has changed in part: " if c.change else "the model misses in part ",
@@ -166,11 +162,6 @@ def _sentence(
 
 def _relative(g: Gap) -> float:
     return g.rms / g.expected if np.isfinite(g.misfit) and g.expected > 0.0 else g.nrmse
-
-
-def _largest(axis: str, g: Gap, follows: str | None) -> str:
-    what = f"; it {follows}" if follows else ""
-    return f"no known effect explains the residual of {axis} ({g.nrmse:.1%} of its effort){what}"
 
 
 def said(e: Found) -> str:

@@ -148,7 +148,7 @@ def compare(
     whole, left = _left(twin, Motion.join(motions))
     new = sample(whole, left, block)
     noise = residual_noise(new, left, motions)
-    unseen = within(_sample(twin, Motion.join(sealed), block), new) if sealed else None
+    unseen = within(_sample(twin, Motion.join(sealed), block), new, twin) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
     asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
     if change:
@@ -221,13 +221,9 @@ def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:
 def _base(machine: Machine, logs: Sequence[Log], bent_logs: Sequence[Log]) -> Twin:
     """Return the twin of a machine in its logs; springs by which the logs were bent are not found again."""
     measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
-    return identify(_without_leads(machine), bent_logs, loop=False, springs=measured)
-
-
-def _without_leads(machine: Machine) -> Machine:
-    """Return the machine with the leads that it states, none where it states none: a lag is a finding."""
+    # No lead where it states none: a lag is a finding.
     axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in machine.axes.items()}
-    return replace(machine, axes=axes)
+    return identify(replace(machine, axes=axes), bent_logs, loop=False, springs=measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,8 +319,16 @@ def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], own: Mappi
         j = twin.machine.axes[str(effect.axis)].index
         # all knots of a table share an error, as of gravity, that is no place's own
         shared = np.hypot(floor[j], np.median(own[j])) if j in floor else np.inf
-        out[:, j] &= effect.known(motion) & (error[:, j] <= shared)
+        out[:, j] &= error[:, j] <= shared
+        if twin.misfit is not None and not getattr(effect, "endless", False):
+            out[:, j] &= _visited(motion.q[:, j], twin.misfit.motion.q[:, j])
     return out
+
+
+def _visited(q: Floats, seen: Floats) -> Mask:
+    """Return which positions (n,) lie on the travel of others, by a hundredth of it."""
+    margin = 0.01 * float(np.ptp(seen))
+    return np.asarray((q >= seen.min() - margin) & (q <= seen.max() + margin))
 
 
 def _used(motion: Motion, joint: int, known: Mask) -> Motion:
@@ -366,15 +370,10 @@ def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[
     """Return, for each sample, joint -> all columns of some effects side by side, shape (m, b)."""
     out = []
     for s in samples:
-        width = sum(len(e.coefficients()) for e in effects)
-        table = {j: np.zeros((len(s.residual[j]), width)) for j in s.joints}
-        at = 0
-        for effect in effects:
-            count = len(effect.coefficients())
-            for j, x in s.columns(effect).items():
-                table[j][:, at : at + count] = x
-            at += count
-        out.append(table)
+        found = [(len(e.coefficients()), s.columns(e)) for e in effects]
+        rows = {j: len(s.residual[j]) for j in s.joints}
+        parts = {j: [x.get(j, np.zeros((n, p))) for p, x in found] for j, n in rows.items()}
+        out.append({j: np.hstack([np.zeros((n, 0)), *parts[j]]) for j, n in rows.items()})
     return out
 
 
@@ -383,18 +382,20 @@ def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
     return replace(c, new=_kept(c.new, {j: ~mask for j, mask in rows.items()}))
 
 
-def within(unseen: Sample, new: Sample) -> Sample:
+def within(unseen: Sample, new: Sample, twin: Twin | None = None) -> Sample:
     """Return validation rows at positions that the logs in question visit too, or all of a joint that has none.
 
-    What depends on the place along the travel is known only there: its last value is no forecast of what comes beyond.
+    What depends on the place along the travel is known only there, where the twin is as sure as of those logs.
     """
     inside = {}
+    errors, own = ({}, {}) if twin is None else (_errors(twin, unseen), _errors(twin, new))
     for j in unseen.joints:
         if j not in new.joints:
             continue
         seen, q = (s.motion.q[s.samples(j), j] for s in (new, unseen))
-        margin = 0.01 * float(np.ptp(seen))
-        mask = (q >= seen.min() - margin) & (q <= seen.max() + margin)
+        mask = _visited(q, seen)
+        if j in own:
+            mask &= errors[j] <= np.hypot(new.level(j), np.median(own[j]))
         if mask.any():
             inside[j] = mask
     return _kept(unseen, inside)

@@ -111,13 +111,10 @@ class Gate:
         servo = [axis for axis, row in self.questions.items() if "servo" in row]
         if servo:
             out.append(f"{', '.join(servo)}: controller and tracking error are not judged")
-        for axis in self.nameless:
-            words = (
-                "no cause is looked for but a limit of its drive"
-                if self.asks("servo", axis)
-                else "no cause is named"
-            )
-            out.append(f"{axis}: {words}")
+        limit = "looked for but a limit of its drive"
+        out += [
+            f"{axis}: no cause is {limit if self.asks('servo', axis) else 'named'}" for axis in self.nameless
+        ]
         return [*out, *(f"{axis}: not judged" for axis in self.silent)]
 
 
@@ -129,8 +126,10 @@ def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()
     silent: dict[str, str] = {}
     for _, finding in found:
         bar = BARS.get(finding.code)
-        for axis in () if bar is None else _barred(machine, finding, bar):
-            assert bar is not None
+        if bar is None:
+            continue
+        about = _axes(machine, finding, bar.channel)
+        for axis in machine.axes if about and bar.everywhere else about:
             why = _about(finding)
             if bar.effects:
                 names = known(machine.effects) if bar.effects is EVERY else bar.effects
@@ -178,25 +177,15 @@ def _about(finding: Finding) -> str:
     return f"{finding.channel} {finding.message}".strip()
 
 
-def _barred(machine: Machine, finding: Finding, bar: Bar) -> list[str]:
-    """Return the axes that a finding rules something out on."""
-    about = _axes(machine, finding, bar.channel)
-    return list(machine.axes) if about and bar.everywhere else about
-
-
 def _axes(machine: Machine, finding: Finding, channel: str) -> list[str]:
     """Return the axes that a finding is about: all of them where it names none."""
-    named = [c.rpartition(".") for c in _channels(finding)]
+    # Of rounded digits the channels stand at the head of the message.
+    listed = finding.channel or (finding.message.partition(": ")[0] if finding.code == "few_digits" else "")
+    named = [c.rpartition(".") for c in listed.split(", ")]
     owners = [owner or last for owner, _, last in named if not channel or last == channel]
     own = [a for a in dict.fromkeys(owners) if a in machine.axes]
     everywhere = not channel and not any(owner for owner, _, _ in named)
     return own or (list(machine.axes) if everywhere else [])
-
-
-def _channels(finding: Finding) -> list[str]:
-    """Return the channels of a finding; of rounded digits they stand at the head of its message."""
-    listed = finding.channel or (finding.message.partition(": ")[0] if finding.code == "few_digits" else "")
-    return listed.split(", ")
 
 
 def _said(found: Sequence[tuple[Prepared, Finding]], count: int) -> tuple[str, ...]:

@@ -77,18 +77,11 @@ def body_sizes(body: Body, pi: Floats, covariance: Floats) -> list[Size]:
     if np.isfinite(body.centre).any():
         return rows
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    sure = [k for k in range(1, 10) if abs(pi[k]) > 4.0 * errors[k]]
-    names = zip(BODY_NAMES, BODY_UNITS, strict=True)
-    words = [f"payload.{name}" for name, _ in names]
-    turned = [
-        Size(words[k], 0.0, float(pi[k]), BODY_UNITS[k], _span(float(pi[k]), 1.645 * float(errors[k])))
-        for k in sure
-    ]
+    turned = []
+    for k in [k for k in range(1, 10) if abs(pi[k]) > 4.0 * errors[k]]:
+        x, half = float(pi[k]), 1.645 * float(errors[k])
+        turned.append(Size(f"payload.{BODY_NAMES[k]}", 0.0, x, BODY_UNITS[k], (x - half, x + half)))
     return [*turned, *rows]
-
-
-def _span(x: float, half: float) -> tuple[float, float]:
-    return x - half, x + half
 
 
 def undetermined(sizes: Sequence[Size]) -> list[str]:

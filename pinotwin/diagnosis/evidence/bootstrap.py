@@ -17,14 +17,8 @@ def lower_bound(judged: Judged, ground: Ground) -> float:
     """
     alone = ground.alone
     gains = np.concatenate([alone.left - judged.left, alone.unseen - judged.unseen])
-    return float(np.quantile(resampled_sums(gains), 0.05))
-
-
-def resampled_sums(x: Floats) -> Floats:
-    """Return sums over blocks drawn with replacement, shape (RESAMPLES,)."""
-    rng = np.random.default_rng(0)
-    at = rng.integers(len(x), size=(RESAMPLES, len(x)))
-    return x[at].sum(axis=1)
+    at = np.random.default_rng(0).integers(len(gains), size=(RESAMPLES, len(gains)))
+    return float(np.quantile(gains[at].sum(axis=1), 0.05))
 
 
 def share_interval(before: Floats, after: Floats, seed: int = 0) -> tuple[float, float]:

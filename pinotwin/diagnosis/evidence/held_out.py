@@ -33,17 +33,19 @@ class Ground:
     unseen: Base | None  # validation logs, or None
     precision: Floats  # what holds the model's own columns, shape (b,)
     bound: Mask  # columns that ``precision`` keeps at a lower bound, a mask (b,)
+    belief: Floats | float = 0.0  # precision of what is believed of them together, shape (b, b)
+    pull: Floats | float = 0.0  # of that at the model's coefficients, which the rows balance, shape (b,)
 
     @cached_property
     def folds(self) -> Floats:
         """Inverse of the model's normal matrix without each block, and last with all, (K + 1, b, b)."""
-        return _inverses(self.new, self.precision, leave_out=True)
+        return _inverses(self.new, np.diag(self.precision) + self.belief, leave_out=True)
 
     @cached_property
     def own_inverse(self) -> Floats:
         """The same for all own logs, shape (1, b, b)."""
         assert self.own is not None
-        return _inverses(self.own, self.precision, leave_out=False)
+        return _inverses(self.own, np.diag(self.precision) + self.belief, leave_out=False)
 
     def released(self, columns: Mask) -> Ground:
         """Return the same with some of the columns at a bound free, made once for each choice of them."""
@@ -149,7 +151,7 @@ def _judged(
         there, moved = before[-1], beside[-1]
         spread = _spread(own, hold)
     within = None if span is None else (span[0] + there, span[1] + there)
-    theta, delta, determined = _solve(ground.folds, base, new, hold, within, leave_out=True)
+    theta, delta, determined = _solve(ground.folds, base, new, hold, within, ground.pull, leave_out=True)
     theta, delta = theta - there, delta - moved
     left = _left(base, new, theta[:-1], delta[:-1])
     beyond = np.zeros(0)
@@ -169,18 +171,25 @@ def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
     if b == 0:
         return np.zeros((len(systems), 0, 0))
     ridge = RIDGE * max(float(np.trace(total)) / b, 1e-300) * np.eye(b)
-    return np.linalg.inv(systems + np.diag(precision) + ridge)
+    return np.linalg.inv(systems + precision + ridge)
 
 
 def _solve(
-    inverse: Floats, base: Base, c: Products, hold: float, span: Span | None = None, *, leave_out: bool
+    inverse: Floats,
+    base: Base,
+    c: Products,
+    hold: float,
+    span: Span | None = None,
+    pull: Floats | float = 0.0,
+    *,
+    leave_out: bool,
 ) -> tuple[Floats, Floats, bool]:
     """Return candidate's and model's coefficients, one row a fold and the last for all blocks."""
 
     def without(x: Floats) -> Floats:
         return without_each(x) if leave_out else x.sum(axis=0)[None]
 
-    CC, CX, Cr, Xr = without(c.CC), without(c.CX), without(c.Cr), without(base.Xr.sum(axis=1))
+    CC, CX, Cr, Xr = without(c.CC), without(c.CX), without(c.Cr), without(base.Xr.sum(axis=1)) - pull
     CXZ = CX @ inverse
     S = CC - CXZ @ CX.transpose(0, 2, 1)
     s = Cr - np.einsum("kpb,kb->kp", CXZ, Xr)

@@ -347,13 +347,9 @@ def _best_effect(ranked: Sequence[Scored], rules: Rules) -> Scored:
     if not isinstance(best.effect, Pattern):
         return best
     enough = rules.as_good_kin if best.numbers <= 3 else rules.as_good_curve
-    for one in ranked:
-        simpler = (
-            one.joint == best.joint and one.numbers <= best.numbers and not isinstance(one.effect, Pattern)
-        )
-        if simpler and one.gain >= enough * best.gain:
-            return one
-    return best
+    simpler = (r for r in ranked if r.joint == best.joint and r.numbers <= best.numbers)
+    near = (r for r in simpler if not isinstance(r.effect, Pattern) and r.gain >= enough * best.gain)
+    return next(near, best)
 
 
 def _also_closed(one: Scored, searcher: Searcher, rules: Rules) -> set[int]:
@@ -450,7 +446,8 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return f"explains {share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} {_UNCERTAIN}"
-    if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
+    elsewhere = searcher.ground.alone.unseen - one.judged.unseen
+    if lower_bound(one.judged, searcher.ground) <= 0.0 or (len(elsewhere) and elsewhere.sum() <= 0.0):
         return _NOTHING_CERTAIN
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
     small = not _complete(one, searcher, rules)
@@ -463,7 +460,8 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         least = rules.turning
     if moved < least:
         return f"moves its axis' effort by {moved:.1%}"
-    if not c.change and one.effect.name == "delay" and abs(one.judged.theta[0]) < _held_over(c, rules):
+    held_over = min(rules.cycle * c.new.motion.step, rules.longest_cycle)
+    if not c.change and one.effect.name == "delay" and abs(one.judged.theta[0]) < held_over:
         return "is less than half a cycle, by which any drive leads that holds its effort"
     rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
     if (
@@ -474,11 +472,6 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     ):
         return f"is no more than {most:.0%} {_BY_SCATTER}"
     return ""
-
-
-def _held_over(c: Comparison, rules: Rules) -> float:
-    """Return the least delay that is missing in a machine [s]."""
-    return min(rules.cycle * c.new.motion.step, rules.longest_cycle)
 
 
 def _least_share(one: Scored, *, change: bool, rules: Rules) -> float:
@@ -514,12 +507,6 @@ def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     closed = float(searcher.main_gains(one)[0].sum())
     left = searcher.residual()[j] * c.floor[j]
     return scattered(c, j, by_days(c, j, rules), left) > rules.scatter_part * closed
-
-
-def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:
-    """Whether a candidate closes nothing on validation logs."""
-    unseen = one.judged.unseen
-    return bool(len(unseen)) and float((searcher.ground.alone.unseen - unseen).sum()) <= 0.0
 
 
 def _rows(one: Scored, comparison: Comparison) -> int:

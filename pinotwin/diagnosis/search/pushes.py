@@ -121,16 +121,10 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
     )
 
 
-def push_confidences(
-    c: Comparison, found: Found, pushed: Sequence[Episodes], rng: np.random.Generator, rules: Rules
-) -> list[float]:
-    """Return how sure the pushes on each axis are: the share of trials in which they are named again."""
-    return [_confidence(c, found, p, rng, rules) for p in pushed]
-
-
-def _confidence(
+def push_confidence(
     c: Comparison, found: Found, pushed: Episodes, rng: np.random.Generator, rules: Rules
 ) -> float:
+    """Return how sure the pushes on an axis are: the share of trials in which they are named again."""
     j = pushed.joint
     seen = _standing(c, found, j, rules)
     ground = c if seen is None else seen[0]
@@ -144,16 +138,11 @@ def _confidence(
         again = _episodes(trial, residual, j, rules)
         if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
             continue
-        wins += again.gain > rules.push_better * max(
-            _closed(trial, rivals), scattered(trial, j, by_days(trial, j, rules))
-        )
+        searcher = Searcher(trial)
+        scored = (searcher.score(r.effect, r.table) for r in rivals)
+        closed = max((r.gain for r in scored if r is not None), default=0.0)
+        wins += again.gain > rules.push_better * max(closed, scattered(trial, j, by_days(trial, j, rules)))
     return posterior(wins, TRIALS, rules)
-
-
-def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
-    searcher = Searcher(c)
-    again = (searcher.score(r.effect, r.table) for r in rivals)
-    return max((r.gain for r in again if r is not None), default=0.0)
 
 
 def _same(a: Episodes, b: Episodes) -> bool:

@@ -16,6 +16,7 @@ from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, jud
 from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_slices
 from pinotwin.solve.jackknife import jackknife
 
 Table = Sequence[Mapping[int, Floats]]  # Columns of one effect on every sample: joint -> (m, p)
@@ -77,7 +78,12 @@ class Searcher:
         held = np.zeros(width, dtype=bool)
         held[: len(c.held)] = c.held_beside({named(one.effect).axis for one in self.found} - {None})
         diagonal = np.where(held, HELD * diagonal, FREE * diagonal)
-        return Ground(bases[0], own, unseen, diagonal + 1e-300, held)
+        belief, pull = np.zeros((width, width)), np.zeros(width)
+        for effect, where in zip(c.model_columns, effect_slices(c.model_columns), strict=True):
+            if (said := effect.belief()) is not None:
+                belief[where, where] = said[0].T @ said[0]
+                pull[where] = belief[where, where] @ c.twin.theta[where]
+        return Ground(bases[0], own, unseen, diagonal + 1e-300, held, belief, pull)
 
     def residual(self) -> dict[int, Floats]:
         """Return what the model leaves of the logs in question with all its columns fitted, floor units."""
@@ -97,9 +103,7 @@ class Searcher:
     def score(self, effect: Effect, table: Table | None = None) -> Scored | None:
         """Return what an effect is worth; None if the model's own columns leave nothing of it."""
         table = table or self.table(effect)
-        if table is None:
-            return None
-        return self._scored(effect, table, self._fitted(effect, table))
+        return None if table is None else self._scored(effect, table, self._fitted(effect, table))
 
     def bounded(self, one: Scored, low: Floats, high: Floats) -> Scored | None:
         """Return a candidate with the change of its coefficients held within bounds, as uncertain as it was."""
@@ -109,8 +113,8 @@ class Searcher:
 
     def _fitted(self, effect: Effect, table: Table, span: tuple[Floats, Floats] | None = None) -> Judged:
         bases = (self.ground.new, self.ground.own, self.ground.unseen)
-        pairs = zip(bases, self._filled(table), strict=True)
-        parts = [None if base is None else _products(base, part) for base, part in pairs]
+        rest = iter(table)
+        parts = [None if base is None else _products(base, next(rest)) for base in bases]
         assert parts[0] is not None
         return judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect), span)
 
@@ -176,25 +180,15 @@ class Searcher:
     def power(self, joints: Collection[int]) -> float:
         """Return the squared residual, not fitted, at some joints, floor units."""
         total = 0.0
-        for base, left in (
-            (self.ground.new, self.alone_by_joint[0]),
-            (self.ground.unseen, self.alone_by_joint[1]),
-        ):
-            if base is not None:
-                total += sum(
-                    float(left[:, at].sum()) for at, j in enumerate(base.sample.joints) if j in joints
-                )
+        for base, left in zip((self.ground.new, self.ground.unseen), self.alone_by_joint, strict=True):
+            at = [] if base is None else [k for k, j in enumerate(base.sample.joints) if j in joints]
+            total += sum(float(left[:, k].sum()) for k in at)
         return total
 
     @cached_property
     def alone_by_joint(self) -> tuple[Floats, Floats]:
         """Squared residual of every block and joint without a candidate: new logs, validation logs."""
         return _alone(self.ground)
-
-    def _filled(self, table: Table) -> list[Mapping[int, Floats] | None]:
-        rest = list(table)
-        c = self.comparison
-        return [rest.pop(0), rest.pop(0) if c.own else None, rest.pop(0) if c.unseen else None]
 
     def polished(self, scored: Scored) -> Scored:
         """Return a candidate with its shapes moved to where it closes most."""
@@ -232,22 +226,17 @@ class Searcher:
         return best
 
 
-def _products(base: Base, part: Mapping[int, Floats] | None) -> Products | None:
-    usable = {j: x for j, x in (part or {}).items() if j in base.sample.joints and j in base.floor}
+def _products(base: Base, part: Mapping[int, Floats]) -> Products | None:
+    usable = {j: x for j, x in part.items() if j in base.sample.joints and j in base.floor}
     return products(base, usable) if usable else None
 
 
 def _alone(ground: Ground) -> tuple[Floats, Floats]:
-    inverse, base = ground.folds, ground.new
-    Xr = base.Xr.sum(axis=1)
-    total = Xr.sum(axis=0)
-    delta = np.einsum("kbc,kc->kb", inverse, np.concatenate([total - Xr, total[None]]))
-    if ground.own is not None:
-        delta = delta - ground.own_inverse[0] @ ground.own.Xr.sum(axis=(0, 1))
-    new = _by_joint(base, delta[:-1])
+    found = ground.alone
+    new = _by_joint(ground.new, found.base_folds)
     if ground.unseen is None:
         return new, np.zeros((0, 0))
-    return new, _by_joint(ground.unseen, np.repeat(delta[-1:], ground.unseen.sample.blocks, axis=0))
+    return new, _by_joint(ground.unseen, np.repeat(found.base[None], ground.unseen.sample.blocks, axis=0))
 
 
 def _by_joint(base: Base, delta: Floats) -> Floats:

@@ -284,12 +284,14 @@ def _seen(
     now, there = (*_standing(known), *chosen), _by_part(new, known)
     before, after = new.fit(_standing(known), y, there), new.fit(now, y, there)
     misfit = float("nan") if known is None else known.left
+    mass = c.new.motion.mass
+    inertia = float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))  # [kg or kg·m²]
     effects = []
     for part, shrink in steps.items():
         names = new.every if known is not None else now[: now.index(part) + 1]
         fit = new.fit(names) if known is None else _changed(new, known, after, now)
         told = _Told(name, c.machine.rotary[joint], new, known, fit, names, "table" in chosen)
-        effects.append(told.named(part, shrink, _inertia(c, joint), sure[part]))
+        effects.append(told.named(part, shrink, inertia, sure[part]))
     gap = Gap(
         before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
     )
@@ -297,12 +299,6 @@ def _seen(
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
     notes = _notes(name, after, new) if known is None else []
     return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, notes)
-
-
-def _inertia(c: Comparison, joint: int) -> float:
-    """Return the mean inertia of an axis in its twin [kg or kg·m²]."""
-    mass = c.new.motion.mass
-    return float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))
 
 
 def _by_part(new: _Twist, known: Blocked | None) -> dict[str, Floats] | None:

@@ -10,7 +10,7 @@ from scipy.stats import median_abs_deviation
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.motion import Motion
-from pinotwin.signals import rms, roughness
+from pinotwin.signals import rms, roughness, runs
 
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
@@ -95,11 +95,8 @@ def _spread(x: Floats) -> float:
 
 def exceeded(efforts: Sequence[Floats], level: float) -> bool:
     """Return whether efforts, (n,) a log, exceed a level [N or N·m] for longer than noise takes them there."""
-    for u in efforts:
-        good = u[np.isfinite(u)]
-        if len(good) > 3 and np.mean(np.abs(good) > OVER_LEVEL * level + 4.0 * roughness([good])) > LIMITED:
-            return True
-    return False
+    logs = [u for u in (u[np.isfinite(u)] for u in efforts) if len(u) > 3]
+    return any(np.mean(np.abs(u) > OVER_LEVEL * level + 4.0 * roughness([u])) > LIMITED for u in logs)
 
 
 def _noise(m: Motion, u: Floats) -> float:
@@ -144,9 +141,8 @@ def lowest(efforts: Sequence[Floats], noise: float) -> float:
 
 def rests(u: Floats, low: float, step: float) -> Mask:
     """Return where an effort u (n,) stays for a while at a size ``low`` [N or N·m] or beyond; ``step`` in [s]."""
-    near = np.abs(np.nan_to_num(u)) >= low
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
     out = np.zeros(len(u), dtype=bool)
-    for a, b in zip(ends[::2], ends[1::2], strict=True):
-        out[a:b] = (b - a) * step >= HOLD and b - a >= 3
+    for part in runs(np.abs(np.nan_to_num(u)) >= low):
+        length = part.stop - part.start
+        out[part] = length * step >= HOLD and length >= 3
     return out

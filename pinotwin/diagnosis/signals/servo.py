@@ -33,13 +33,15 @@ def limits(
         rests: also take an effort for limited that rests at its largest for longer than on the own logs.
     """
     motion, out = c.new.motion, list[Found]()
+    # The efforts as they were logged, unless they are those of motors.
+    logs = [one.log for one in (*c.logs, *c.validation)] if c.machine.transmission is None else []
     if motion.qr is None or "saturation" in leave_out:
         return []
     for axis in c.machine.axes.values():
         if not c.gate.asks("servo", axis.name):
             continue
         level = _level(c, axis.index, [motion], rests=rests)
-        if level is None or exceeded(_logged(c, axis.name), level):
+        if level is None or exceeded([x[u] for x in logs if (u := f"{axis.name}.u") in x], level):
             continue
         again = [_level(c, axis.index, part, rests=rests) is not None for part in _without_stretches(motion)]
         sure = posterior(sum(again), len(again), rules)
@@ -51,14 +53,16 @@ def limits(
 
 def _level(c: Comparison, joint: int, parts: Sequence[Motion], *, rests: bool) -> float | None:
     """Return the effort at which a drive rests though its command asks for more, as it never did on the own logs."""
-    found = reached(parts, joint, _own_error(c, joint), partial(_asked, c.twin, joint))
+    own = None if c.own is None or c.own.motion.qr is None else c.own.motion
+    usual = np.inf if own is None else max(rms(own.error[:, joint]), 1e-300)  # tracking error
+    found = reached(parts, joint, usual, partial(_asked, c.twin, joint))
     if c.own is None:
         return None if found is None else found.level
     if found is not None and reached([c.own.motion], joint) is None:
         return found.level
-    if not rests or c.own.motion.qr is None:
+    if not rests or own is None:
         return None
-    return _rests(parts, [c.own.motion], joint, RULES, strays=c.machine.names[joint] in c.gate.strays)
+    return _rests(parts, [own], joint, strays=c.machine.names[joint] in c.gate.strays)
 
 
 def _asked(twin: Twin, joint: int, motion: Motion) -> Floats:
@@ -68,13 +72,6 @@ def _asked(twin: Twin, joint: int, motion: Motion) -> Floats:
     return np.asarray(twin.effort(replace(motion, q=q, v=v, a=a))[:, joint])
 
 
-def _own_error(c: Comparison, joint: int) -> float:
-    """Return the RMS of the tracking error on the twin's own logs; infinite where none tell it."""
-    if c.own is None or c.own.motion.qr is None:
-        return np.inf
-    return max(rms(c.own.motion.error[:, joint]), 1e-300)
-
-
 def _without_stretches(motion: Motion) -> list[list[Motion]]:
     """Return what is left of a motion when each of :data:`TRIALS` stretches is left out."""
     edges = np.linspace(0, len(motion), TRIALS + 1).astype(int)
@@ -82,9 +79,7 @@ def _without_stretches(motion: Motion) -> list[list[Motion]]:
     return [[p for p in parts if p is not out] for out in parts]
 
 
-def _rests(
-    new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules, *, strays: bool
-) -> float | None:
+def _rests(new: Sequence[Motion], own: Sequence[Motion], joint: int, *, strays: bool) -> float | None:
     """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
     errors = [
         rms(np.concatenate([m.error[:, joint] for m in part if m.qr is not None])) for part in (new, own)
@@ -92,11 +87,5 @@ def _rests(
     sizes = [np.abs(np.nan_to_num(np.concatenate([m.u[:, joint] for m in part]))) for part in (new, own)]
     rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in sizes]
     top, before = (float(np.quantile(x, 0.999)) for x in sizes)
-    off = errors[0] >= rules.left_behind * errors[1] and (top < rules.less_than_before * before or not strays)
-    return top if off or rests[0] >= rules.at_limit * rests[1] else None
-
-
-def _logged(c: Comparison, axis: str) -> list[Floats]:
-    """Return the efforts of an axis as they were logged; none where they are those of motors."""
-    logs = (*c.logs, *c.validation) if c.machine.transmission is None else ()
-    return [one.log[f"{axis}.u"] for one in logs if f"{axis}.u" in one.log]
+    off = errors[0] >= RULES.left_behind * errors[1] and (top < RULES.less_than_before * before or not strays)
+    return top if off or rests[0] >= RULES.at_limit * rests[1] else None

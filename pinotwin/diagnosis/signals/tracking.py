@@ -41,7 +41,8 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
     logs = list(c.validation) or list(c.logs)
     try:
         before = [_difference(c.twin, one.log, one.motion) for one in logs]
-        own = _own_errors(c)
+        stretch = own_run(c)
+        own = np.full(c.machine.nv, np.nan) if stretch is None else _difference(c.twin, *stretch)[0]
     except PinotwinError:
         return Tracked()
     later, held = changed()
@@ -85,12 +86,6 @@ def simulated_errors(twin: Twin, log: Log, motion: Motion) -> dict[int, tuple[Fl
             guess = np.interp(motion.t, said.t, said[f"{name}.e"])
             out[axis.index] = motion.error[rows, axis.index], guess[rows]
     return out
-
-
-def _own_errors(c: Comparison) -> Floats:
-    """Return the same RMS on the twin's own logs, stretch by stretch, shape (nv,)."""
-    own = own_run(c)
-    return np.full(c.machine.nv, np.nan) if own is None else _difference(c.twin, *own)[0]
 
 
 def own_run(c: Comparison) -> tuple[Log, Motion] | None:

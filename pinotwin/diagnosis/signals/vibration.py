@@ -193,18 +193,9 @@ def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves
     J, e = best.jac, best.fun
     error = np.sqrt(np.maximum(np.diag(block_covariance(J, e)), 1e-18))
     found = shaped(best.x)
-    moved = {
-        f"{spring.name}.spring.{name}": (a, b, float(x / s))
-        for name, a, b, x, s in zip(
-            "kc",
-            (spring.stiffness, spring.damping),
-            (found.stiffness, found.damping),
-            best.x,
-            error,
-            strict=True,
-        )
-    }
-    return found, moved
+    old, new = (spring.stiffness, spring.damping), (found.stiffness, found.damping)
+    rows = zip("kc", old, new, best.x / error, strict=True)
+    return found, {f"{spring.name}.spring.{name}": (a, b, float(far)) for name, a, b, far in rows}
 
 
 def _share(before: Floats, after: Floats, noise: float) -> float:

@@ -10,8 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Found, misfit
 from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, PLANT, AxisProblem
-from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import DISTANCE, FOLLOWING, SHAPES, Servo
+from pinotwin.loop.servo import DISTANCE, FOLLOWING, SHAPES, Roots, Servo
 from pinotwin.solve.sandwich import batch_means
 
 LAW_ERROR, FORWARD_ERROR = 1.5, 4.0

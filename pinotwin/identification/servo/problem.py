@@ -76,10 +76,6 @@ class AxisProblem:
     correlated: float = 20.0  # rows of residual that tell as much as one independent row
     quiet: float = 5e-4  # error of a signal, as a share of its RMS, that is no worse than none
 
-    @cached_property
-    def _travel(self) -> float:
-        return float(np.ptp(self.qr))
-
     @property
     def substeps(self) -> int:
         """Internal steps a sample."""
@@ -155,9 +151,9 @@ class AxisProblem:
                 out.append([s])
         return [x for x in out if x[-1] in self.windows]
 
-    @property
+    @cached_property
     def _limit(self) -> float:
-        return 0.2 * self._travel + 1e-9
+        return 0.2 * float(np.ptp(self.qr)) + 1e-9
 
     def _start(self, s: slice) -> Floats:
         return np.array([self.q[s.start], self.v[s.start], float(np.mean(self.u[s.start : s.start + 3]))])

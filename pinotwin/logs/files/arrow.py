@@ -26,7 +26,7 @@ def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool 
         kind = column.type
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_duration(kind):
             content.add(name, column.to_numpy())
-        elif _is_list(kind):
+        elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind):
             _take_list(name, column, content)
         elif pa.types.is_null(kind):
             content.notes.append(f"{name}: all {len(column)} values are missing; left out")
@@ -74,10 +74,6 @@ def _onto_one_clock(clock: str, content: Content, source: str) -> None:
 def _is_number(kind: pa.DataType) -> bool:
     checks = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
     return any(check(kind) for check in checks)
-
-
-def _is_list(kind: pa.DataType) -> bool:
-    return pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
 
 
 def _floats(column: pa.ChunkedArray) -> np.ndarray:

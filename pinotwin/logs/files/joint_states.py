@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinotwin.arrays import Floats
-from pinotwin.logs.files.messages import JOINT_SIGNALS
+from pinotwin.log import JOINT_SIGNALS
 
 _NUMBERED = re.compile(r"(.*?)(name|position|velocity|effort)(?:\[|_)?(\d+)\]?$")
 

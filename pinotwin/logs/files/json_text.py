@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,11 @@ def load(path: Path, source: str) -> Content:
     content = Content()
     try:
         with path.open(encoding="utf-8-sig") as file:
-            first = file.readline()
-            second = file.readline().strip()
-            if second and _is_object(first):
-                _take_rows(_lines(path), "", content)
-                return content
+            first, second = file.readline(), file.readline()
             file.seek(0)
+            if second.strip() and _is_object(first):
+                _take_rows((json.loads(line) for line in file if line.strip()), "", content)
+                return content
             value = json.load(file)
     except (ValueError, RecursionError, OSError) as error:
         raise damaged(source, error, "write it again") from None
@@ -40,11 +39,6 @@ def _is_object(line: str) -> bool:
         return isinstance(json.loads(line), dict)
     except ValueError:
         return False
-
-
-def _lines(path: Path) -> Iterator[object]:
-    with path.open(encoding="utf-8-sig") as file:
-        yield from (json.loads(line) for line in file if line.strip())
 
 
 def _take(value: Any, name: str, content: Content) -> None:

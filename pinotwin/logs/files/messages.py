@@ -11,10 +11,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.log import JOINT_SIGNALS
 from pinotwin.logs.files.content import SHORT, limited
-
-JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
-"""Field of a JointState -> signal of the contract."""
 
 _DESIRED, _ACTUAL = ("reference", "desired"), ("feedback", "actual")
 _SECONDS, _NANOSECONDS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from pinotwin import signals
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import nearest
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits, finding
@@ -41,7 +41,9 @@ def inspect_axes(
         return table, np.inf
     cutoff = signals.suggest_cutoff(q, ticks.rate, stretches)
     q, v, a = signals.derivatives(q, ticks.rate, cutoff, segments=stretches)
-    inside = _inside(len(q), cutoff, ticks.rate, stretches)
+    longest = max(s.stop - s.start for s in stretches)
+    edge = min(signals.edge_samples(cutoff, ticks.rate), longest // 4)
+    inside = signals.interior(len(q), edge, stretches)
     top, sharpest = np.abs(v[inside]).max(axis=0), np.abs(a[inside]).max(axis=0)
     for name, speed, acceleration in zip(moving, top.tolist(), sharpest.tolist(), strict=True):
         table[name] = replace(table[name], speed=speed, acceleration=acceleration)
@@ -78,12 +80,6 @@ def _lead(
     if not np.isfinite(found.error) or found.left > (1.0 - settings.lead_gain) * found.left_now:
         return None, None
     return -found.part / rate, found.error / rate
-
-
-def _inside(n: int, cutoff: float, rate: float, stretches: Sequence[slice]) -> Mask:
-    longest = max(s.stop - s.start for s in stretches)
-    edge = min(signals.edge_samples(cutoff, rate), longest // 4)
-    return signals.interior(n, edge, stretches)
 
 
 def _still(log: Log, name: str, rotary: bool, widest: float) -> AxisQuality:

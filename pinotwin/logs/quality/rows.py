@@ -102,7 +102,9 @@ def _jumps(log: Log, name: str, bad: Mask, settings: Settings, leaps: int = 3) -
         yield finding("spikes", name, **where, key=_key(log, apart))
     turns = _within_stretches(log, _wraps(q))
     if len(turns):
-        yield finding("wraps", name, count=len(turns), first=turns[0], name=name, range=_said_range(q, turns))
+        value, usual = _range(q, turns)
+        said_range = f"`wrap: {value:.10g}`" if usual else f"`wrap:` (about {value:.3g})"
+        yield finding("wraps", name, count=len(turns), first=turns[0], name=name, range=said_range)
     rest = np.setdiff1d(_within_stretches(log, _leaps(q)), turns)
     if len(rest) >= leaps and not apart.any():
         size = float(np.abs(q[rest] - q[rest - 1]).max())
@@ -165,11 +167,6 @@ def _range(q: Floats, turns: Ints) -> tuple[float, bool]:
     usual = np.concatenate([turn, 2.0**16 * decimals, 2.0**32 * decimals])
     near = float(usual[np.argmin(np.abs(np.log(usual / found)))])
     return (near, True) if abs(near / found - 1.0) < 0.01 else (found, False)
-
-
-def _said_range(q: Floats, turns: Ints) -> str:
-    value, usual = _range(q, turns)
-    return f"`wrap: {value:.10g}`" if usual else f"`wrap:` (about {value:.3g})"
 
 
 def _leaps(q: Floats) -> Ints:
