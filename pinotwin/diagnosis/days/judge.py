@@ -65,7 +65,7 @@ def evidence(
     Args:
         q: the question.
         found: causes that are in the model by now.
-        admits: which rows these logs can show.
+        admits: which rows these logs can show; all of them by default.
     """
     asked = Asked(q.without(found), [x for x in found if not x.rescales])
     rows = asked.rows()
