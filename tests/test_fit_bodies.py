@@ -61,6 +61,23 @@ def objective(x, evidence, bodies, weight):
     return total
 
 
+UNIT = [pseudo_inertia(row) for row in np.eye(10)]
+
+
+def slope(x, evidence, bodies, weight):
+    """The gradient of the objective; zero outside the cone."""
+    pi, others = x[: len(bodies.pi0)], x[len(bodies.pi0) :]
+    left = evidence.factor.T @ (evidence.factor @ np.concatenate([bodies.P @ pi, others]) - evidence.right)
+    out = np.concatenate([bodies.P.T @ left[:10], left[10:]])
+    for k in range(0, 10 * bodies.count, 10):
+        J, J0 = pseudo_inertia(pi[k : k + 10]), pseudo_inertia(bodies.pi0[k : k + 10])
+        if np.linalg.eigvalsh(J)[0] <= 0.0:
+            return np.zeros(len(x))
+        G = weight * (np.linalg.solve(J0, J) @ np.linalg.inv(J0) - np.linalg.inv(J))
+        out[k : k + 10] += [np.sum(G * E) for E in UNIT]
+    return out
+
+
 def test_pseudo_inertia_is_pinocchios_and_back():
     inertia = pin.Inertia.Random()
     pi = inertia.toDynamicParameters()
@@ -79,6 +96,7 @@ def test_the_optimum_is_that_of_a_general_minimiser(weight):
     found = scipy.optimize.minimize(
         lambda y: min(objective(y * scale, evidence, bodies, weight), 1e12),
         start,
+        jac=lambda y: slope(y * scale, evidence, bodies, weight) * scale,
         bounds=bounds,
         method="L-BFGS-B",
         options={"maxiter": 5000, "maxfun": 500_000, "ftol": 1e-15, "gtol": 1e-9},

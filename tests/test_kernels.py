@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -57,19 +58,28 @@ def files(kept: Path) -> set[Path]:
     return set(kept.rglob("*.*"))
 
 
-def test_another_clone_finds_what_one_has_compiled(tmp_path: Path) -> None:
-    kept = tmp_path / "kept"
-    assert answer(clone(tmp_path / "one"), kept) == 7.0
+@pytest.fixture(scope="module")
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of what one clone has compiled."""
+    folder = tmp_path_factory.mktemp("once")
+    assert answer(clone(folder / "one"), folder / "kept") == 7.0
+    return folder / "kept"
+
+
+@pytest.fixture
+def kept(compiled_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(compiled_once, tmp_path / "kept"))
+
+
+def test_another_clone_finds_what_one_has_compiled(kept: Path, tmp_path: Path) -> None:
     before = files(kept)
     assert len(before) == 4
     assert answer(clone(tmp_path / "two"), kept) == 7.0
     assert files(kept) == before
 
 
-def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path: Path) -> None:
-    kept = tmp_path / "kept"
-    folder = clone(tmp_path / "one")
-    assert answer(folder, kept) == 7.0
+def test_an_edit_of_a_callee_in_another_file_is_seen(kept: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "one"
     assert answer(clone(folder, INNER.replace("FACTOR * x", "FACTOR * x * x")), kept) == 19.0
     assert answer(clone(folder, INNER.replace("2.0", "5.0")), kept) == 16.0
 
@@ -104,12 +114,9 @@ def test_the_order_in_a_named_tuple_within_another_is_seen(tmp_path: Path) -> No
         assert answer(tmp_path, tmp_path / "kept") == 1.0
 
 
-def test_a_comment_compiles_nothing_again(tmp_path: Path) -> None:
-    kept = tmp_path / "kept"
-    folder = clone(tmp_path / "one")
-    answer(folder, kept)
+def test_a_comment_compiles_nothing_again(kept: Path, tmp_path: Path) -> None:
     before = files(kept)
-    assert answer(clone(folder, "# a comment\n" + INNER), kept) == 7.0
+    assert answer(clone(tmp_path / "one", "# a comment\n" + INNER), kept) == 7.0
     assert files(kept) == before
 
 
@@ -127,12 +134,10 @@ def test_a_folder_that_cannot_be_written_costs_time_alone(tmp_path: Path) -> Non
     assert answer(clone(tmp_path / "one"), blocked) == 7.0
 
 
-def test_a_damaged_file_is_compiled_again(tmp_path: Path) -> None:
-    kept, folder = tmp_path / "kept", clone(tmp_path / "one")
-    answer(folder, kept)
+def test_a_damaged_file_is_compiled_again(kept: Path, tmp_path: Path) -> None:
     for file in files(kept):
         file.write_bytes(file.read_bytes()[:100])
-    assert answer(folder, kept) == 7.0
+    assert answer(clone(tmp_path / "one"), kept) == 7.0
 
 
 def test_the_newest_forms_of_a_function_are_kept(tmp_path: Path) -> None:

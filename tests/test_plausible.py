@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from pinotwin.logs import Settings
 from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.prepared import Prepared
+from pinotwin.logs.quality.results import Finding
 from pinotwin.solve.lead import lag
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -53,8 +54,12 @@ def recorded(name: str = "trunnion") -> Channels:
     return {k: np.array(x) for k, x in _recorded(name).items()}
 
 
+def named(findings: Iterable[Finding]) -> set[tuple[str, str]]:
+    return {(f.axis, f.code) for f in findings if f.code in CAUSES}
+
+
 def causes(machine: pt.Machine, log: pt.Log) -> set[tuple[str, str]]:
-    return {(f.axis, f.code) for f in pt.check(machine, log).findings if f.code in CAUSES}
+    return named(pt.check(machine, log).findings)
 
 
 def times(factor: float, *names: str) -> Callable[[Channels], None]:
@@ -114,11 +119,11 @@ SPOILED: list[tuple[str, Callable[[Channels], None], tuple[str, str]]] = [
 def test_the_cause_is_named(spoil: Callable[[Channels], None], cause: tuple[str, str]) -> None:
     channels = recorded()
     spoil(channels)
-    machine = pt.Machine.load("trunnion")
-    found = causes(machine, pt.Log(channels))
+    findings = pt.check(pt.Machine.load("trunnion"), pt.Log(channels)).findings
+    found = named(findings)
     assert cause in found
     assert {code for _, code in found} == {cause[1]}
-    for finding in pt.check(machine, pt.Log(channels)).findings:
+    for finding in findings:
         assert "\n" not in finding.message
         assert len(finding.message) < 500
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -34,19 +36,20 @@ def test_a_pipe_gets_whole_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a log of the bundled trunnion and its open-loop twin."""
+    """Return a folder with a log of the bundled trunnion, its open-loop twin and what `identify` said in 80 columns."""
     folder = tmp_path_factory.mktemp("made")
-    log, twin = str(folder / "log.csv"), str(folder / "twin")
+    log, twin, said = str(folder / "log.csv"), str(folder / "twin"), io.StringIO()
     assert main(["record", "trunnion", "--seconds", "4", "--out", log]) == 0
-    assert main(["identify", "trunnion", log, "--no-loop", "--out", twin]) == 0
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
+        patch.setenv("COLUMNS", "80")
+        assert main(["identify", "trunnion", log, "--no-loop", "--out", twin]) == 0
+    (folder / "identified.txt").write_text(said.getvalue(), encoding="utf-8")
     return folder
 
 
 COMMANDS = (
     ("check", "trunnion", "log.csv"),
     ("record", "trunnion", "--seconds", "1", "--out", "second.csv"),
-    ("identify", "trunnion", "log.csv", "--no-loop", "--out", "again"),
-    ("diagnose", "twin", "log.csv", "--quick", "--out", "found"),
     ("force", "twin", "log.csv", "--out", "force.csv"),
     ("compare", "twin", "twin2", "--out", "moved"),
     ("view", "twin", "log.csv", "--html", "page.html"),
@@ -72,14 +75,23 @@ def test_output_fits_80_columns(
         code = main(list(words))
     except SystemExit as ended:  # argparse's help
         code = int(ended.code or 0)
-    said = capsys.readouterr().out
     assert code in (0, 1)
+    fits(capsys.readouterr().out)
+
+
+def fits(said: str) -> None:
     assert said
-    wide = [line for line in said.splitlines() if len(line) > 80]
-    assert wide == []
+    assert [line for line in said.splitlines() if len(line) > 80] == []
 
 
-def test_the_program_itself_says_its_numbers_with_units(made: Path) -> None:
+def test_what_identify_says_fits_80_columns(made: Path) -> None:
+    fits((made / "identified.txt").read_text(encoding="utf-8"))
+
+
+def test_the_program_itself_fits_80_columns_and_says_its_numbers_with_units(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     words = [
         sys.executable,
         "-m",
@@ -92,6 +104,7 @@ def test_the_program_itself_says_its_numbers_with_units(made: Path) -> None:
         "d",
     ]
     done = subprocess.run(words, cwd=made, capture_output=True, text=True, check=True)
+    fits(done.stdout)
     rows = [line for line in done.stdout.splitlines() if line[:4] in ("Y.u ", "A.u ", "C.u ")]
     assert len(rows) == 3
     assert all(row.split()[2] in ("N", "N·m", "mN", "mN·m") for row in rows)

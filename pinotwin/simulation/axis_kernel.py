@@ -103,9 +103,8 @@ def _loop(further: Callable[..., Any]) -> Callable[..., Any]:
                 share = k / sub
                 c = _command(course, interval, row, share)
                 e = c[0] - q
-                state = asked(
-                    law, h, c, q, 1.5 * v - 0.5 * before, state
-                )  # the scheme's v is half a step late
+                seen = 1.5 * v - 0.5 * before  # the scheme's v is half a step late
+                state = asked(law, h, c, q, seen, state)
                 at = at + 1 if at + 1 < memory.late.shape[1] else 0
                 force = acts(law, memory.late, 0, at, state[2]) + load + share * rise
                 if k == 0:

@@ -30,15 +30,7 @@ from pinotwin.simulation.blocks import (
     E,
     U,
 )
-from pinotwin.simulation.plant_kernel import (
-    along,
-    clip,
-    command_at,
-    dynamics,
-    friction,
-    invert,
-    load_at,
-)
+from pinotwin.simulation.plant_kernel import along, clip, command_at, dynamics, friction, invert, load_at
 
 
 @leaf

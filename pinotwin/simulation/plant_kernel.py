@@ -118,7 +118,7 @@ def clip(x):  # type: ignore[no-untyped-def]
     return 1.0 if x > 1.0 else (-1.0 if x < -1.0 else x)
 
 
-@leaf
+@inlined
 def bend(tables, k, q, v, pace, s):  # type: ignore[no-untyped-def]
     """Move one presliding element to q; fill its effort, its damping and its stiffness into ``one``."""
     m = tables.give.shape[1]

@@ -12,8 +12,9 @@ positive in it (Lawson and Hanson), and coefficients that would leave their boun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from typing import Self
 
 import numpy as np
@@ -145,12 +146,14 @@ class _Problem:
         R = r_factor(np.concatenate([data, rows]))
         return cls(bodies, weight, theta, evidence.beta, free, seen, at, metric, R)
 
-    def solved(self, start: Near | None) -> Near:
+    def solved(self, start: Near | None, patience: int = 60) -> Near:
         """Return the minimiser by a damped Newton method, from another's parameters or the URDF's."""
         k, bodies, rotors = len(self.free), slice(10 * len(self.seen)), slice(10 * len(self.seen), None)
         R, z = self.R[k:-1, k:-1], self.R[k:-1, -1]
         x = (self.bodies.pi0 if start is None else start.pi)[self.at]
-        while True:
+        for turn in count():
+            if turn == patience:  # the cone's edge shortens every step
+                x = self._heavier().solved(start).pi[self.at]
             barrier, level = self._barrier(x)
             F = np.concatenate([R, barrier])
             whole = r_factor(np.column_stack([F, np.append(z, level + barrier @ x)]))
@@ -166,7 +169,14 @@ class _Problem:
                 step /= 2.0
             x = x + step * (new - x)
             if gain <= SETTLED or step <= SHORT:
-                return self._near(x, F)
+                break
+        return self._near(x, F)
+
+    def _heavier(self) -> Self:
+        """Return the problem in which the URDF weighs ten times as much."""
+        wide = ((0, 0), (len(self.free), len(self.at) - 10 * len(self.seen) + 1))
+        R = r_factor(np.concatenate([self.R, np.pad(3.0 * _diagonal(self.metric), wide)]))
+        return replace(self, weight=10.0 * self.weight, metric=np.sqrt(10.0) * self.metric, R=R)
 
     def _barrier(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the rows of the logarithms' second-order form, shape (10 bodies, n), and their right side."""

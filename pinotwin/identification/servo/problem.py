@@ -172,8 +172,7 @@ class AxisProblem:
             give=t.give / distance,
             memory=t.memory * np.array([1.0 / distance, 1.0, 1.0, 1.0]),
         )
-        inertia, viscous = self.inertia * inertia, self.viscous * viscous
-        return replace(self, inertia=inertia, viscous=viscous, tables=tables)
+        return replace(self, inertia=self.inertia * inertia, viscous=self.viscous * viscous, tables=tables)
 
     def split(self, trained: float = 2.0 / 3.0) -> tuple[AxisProblem, AxisProblem]:
         """Return the part that structures are fitted to, and the part that judges them."""
