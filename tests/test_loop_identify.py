@@ -9,6 +9,7 @@ import pytest
 
 from pinotwin.errors import DataError, InputError
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
+from pinotwin.loop.identify import slopes
 from pinotwin.loop.layout import lay_out
 from pinotwin.loop.projection import Projection, Scales
 from pinotwin.loop.search import polish
@@ -217,6 +218,18 @@ def test_never_unstable_on_hard_data(cascade_log):
             model = identify_loop(data, Structure(pole_pairs=pairs))
             assert np.all(model.poles.real < 0.0)
             assert np.all(np.isfinite(model.residues))
+
+
+def test_what_is_left_is_told_by_no_slope(cascade_log):
+    data = noisy(cascade_log, np.random.default_rng(5))
+    model = identify_loop(data, Structure())
+    rows = np.r_[*data.segments]
+    left = (data.outputs - model.simulate(data.qr, data.d, vr=data.vr, ar=data.ar))[rows]
+    left /= np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
+    S = slopes(data, model)
+    assert len(S) == left.size
+    told = np.abs(S.T @ left.ravel()) / np.linalg.norm(S, axis=0) / np.linalg.norm(left)
+    assert np.max(told) < 0.01
 
 
 def test_a_search_from_its_own_end_stays_there(cascade_log):

@@ -31,6 +31,10 @@ def test_pitches_of_the_truth_are_found_and_no_others() -> None:
     twin = twin_of(ripple=True)
     assert sorted(table_of(twin, "Y").pitches) == pytest.approx([0.016 / 3, 0.016, 0.032], rel=0.02)
     assert sorted(table_of(twin, "A").pitches) == pytest.approx([0.14279967, 0.28559933], rel=0.02)
+    assert any(
+        "Y: the knots of its position table are 0.005 m apart, not 0.001" in x
+        for x in twin.quality["warnings"]
+    )
     motion = twin.misfit.motion
     beyond = replace(motion, q=np.where(np.arange(3) == 0, 0.19, motion.q))
     outside, inside = (float(np.median(twin.effort_error(m)[:, 0])) for m in (beyond, motion))

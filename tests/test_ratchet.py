@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 57_050,
+    lines: 57_015,
     module_numbers: 124,
     numbers_without_unit: 309,
     stories: 6,

@@ -170,12 +170,7 @@ class CoulombAsymmetric(Turning, AxisEffect):
 
 @dataclass(frozen=True)
 class Stribeck(Turning, AxisEffect):
-    """The part of dry friction that fades with speed: tau = s d(v) exp(-|v / v_s|^k), beside coulomb.
-
-    Attributes:
-        v_s: speed at which it has fallen to 1/e [m/s or rad/s]; searched.
-        exponent: k; 1 in the thesis (Eq. 3.8), 2 in much of the literature.
-    """
+    """The part of dry friction that fades with speed: tau = s d(v) exp(-|v / v_s|^k), beside coulomb."""
 
     name = "stribeck"
     title = "Low-speed friction (Stribeck)"
@@ -188,8 +183,8 @@ class Stribeck(Turning, AxisEffect):
     held = True  # slow rows are few: without them s would run away
     imitates = ("coulomb", "presliding", "viscous", "load_friction", "backlash")
     depends = "direction"
-    v_s: float = 0.01
-    exponent: float = 1.0
+    v_s: float = 0.01  # speed at which it has fallen to 1/e [m/s or rad/s]; searched
+    exponent: float = 1.0  # k; 1 in the thesis (Eq. 3.8), 2 in much of the literature.
 
     def shapes(self) -> tuple[Shape, ...]:
         """Return v_s, from twice the width over which the direction turns: below it s would grow without limit."""
@@ -237,9 +232,6 @@ class LoadFriction(Turning):
 
     The load is the rigid-body effort of the axis (gravity, inertia, coupling), and with ``total`` the
     friction of the axis as well.
-
-    Attributes:
-        total: 1 for the whole effort of the model as load, 0 for its rigid-body part.
     """
 
     name = "load_friction"
@@ -251,7 +243,7 @@ class LoadFriction(Turning):
     imitates = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
     needs = ("model", "rigid", "mass")
     searched = 1
-    total: int = 0
+    total: int = 0  # 1 for the whole effort of the model as load, 0 for its rigid-body part
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return each kind of load; one that never changes is dry friction."""
@@ -275,9 +267,6 @@ class ViscousThermal(Friction, AxisEffect):
     """Viscous friction that changes as the machine warms up: tau = b_warm v [1 - exp(-t / warming)].
 
     Beside ``viscous``, which is the cold value; t counts from the start of the log.
-
-    Attributes:
-        warming: time constant [s]; searched.
     """
 
     name = "viscous_thermal"
@@ -288,7 +277,7 @@ class ViscousThermal(Friction, AxisEffect):
     linear = (Coefficient("b_warm", "F·s/x"),)
     imitates = ("viscous", "quadratic_drag")
     searched = 1
-    warming: float = 15.0
+    warming: float = 15.0  # time constant [s]; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("warming", "s", 0.5, 3600.0),)

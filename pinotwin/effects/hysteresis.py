@@ -66,10 +66,6 @@ class Hysteresis(Friction, AxisEffect):
         dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h
 
     Every stretch of a log starts with z = 0: what the strokes before it left is not known.
-
-    Attributes:
-        x_h: distance over which the drag builds up [m or rad]; searched.
-        n: how sharply it gives way at the end; searched.
     """
 
     name = "hysteresis"
@@ -83,8 +79,8 @@ class Hysteresis(Friction, AxisEffect):
     # trade it for dry friction, which the effort of the open loop tells apart.
     refined_in_loop = False
     sharp = True
-    x_h: float = usual(0.005, 0.05)
-    n: float = 1.0
+    x_h: float = usual(0.005, 0.05)  # distance over which the drag builds up [m or rad]; searched
+    n: float = 1.0  # how sharply it gives way at the end; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)

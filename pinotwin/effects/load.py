@@ -79,10 +79,6 @@ class ExternalForce(AxisEffect):
     """Disturbances from outside: tau = -sum_k f_k sin(pi (t - start_k) / width), for as long as each lasts.
 
     The sign is that of a load, which the motor need not bring itself.
-
-    Attributes:
-        starts: when each begins [s].
-        width: how long each lasts [s].
     """
 
     name = "external_force"
@@ -94,8 +90,8 @@ class ExternalForce(AxisEffect):
     unlisted = "belongs to a log, not to a machine: log it as a channel, or leave its rows out"
     causes = ("external",)
     searched = 2
-    starts: tuple[float, ...] = (0.0,)
-    width: float = 0.5
+    starts: tuple[float, ...] = (0.0,)  # when each begins [s]
+    width: float = 0.5  # how long each lasts [s]
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         return tuple(Coefficient(f"f{k}", self.unit("F")) for k in range(len(self.starts)))

@@ -69,15 +69,6 @@ class PositionTable(AxisEffect):
     deviation and a length: it is smooth, fades to its mean where no log has been, and is as uncertain there as it is
     large. Its knots cover the travel of the joint; beyond it the last value holds. On an axis without stops the effort
     repeats with every turn, and so do the knots once the log makes a whole one.
-
-    Attributes:
-        spacing: distance of the knots [m or rad]; 1 mm or 1 degree when not given, more on a long travel.
-        start: position of the first knot; taken from the joint and the log when not given.
-        stop: position of the last knot.
-        amplitude: standard deviation of the process [N or N·m]; found in the log when not given.
-        length: how far its values are alike [m or rad]; found in the log when not given.
-        alike: rows of the log that tell as much as an independent one [1]; found in the log when not given.
-        pitches: of what repeats [m or rad], such as pole pairs; others that the log shows are added.
     """
 
     most: ClassVar[int] = 100
@@ -96,12 +87,16 @@ class PositionTable(AxisEffect):
     local = True
     causes = ("position",)
     depends = "position"
+    # distance of the knots [m or rad]; 1 mm or 1 degree when not given, more on a long travel
     spacing: float = usual(1e-3, float(np.deg2rad(1.0)))
-    start: float | None = None
-    stop: float | None = None
+    start: float | None = None  # position of the first knot; taken from the joint and the log when not given
+    stop: float | None = None  # position of the last knot
+    # standard deviation of the process [N or N·m]; found in the log when not given
     amplitude: float | None = None
-    length: float | None = None
+    length: float | None = None  # how far its values are alike [m or rad]; found in the log when not given
+    # rows of the log that tell as much as an independent one [1]; found in the log when not given
     alike: float = 1.0
+    # of what repeats [m or rad], such as pole pairs; others that the log shows are added
     pitches: tuple[float, ...] = ()
     endless: bool = field(default=False, compare=False, metadata={"internal": True})
     limits: tuple[float, float] = field(default=(-np.inf, np.inf), compare=False, metadata={"internal": True})

@@ -41,13 +41,7 @@ def _even(lower: float, upper: float, count: int) -> Floats:
 
 @dataclass(frozen=True)
 class Pitched(AxisEffect):
-    """An effort that repeats with a pitch.
-
-    Attributes:
-        period: pitch of the fundamental [m or rad]; searched when it is not given.
-        shortest: lower bound of the search [m or rad].
-        longest: upper bound of the search [m or rad].
-    """
+    """An effort that repeats with a pitch."""
 
     repeats: ClassVar[float]
     """Times that it must repeat on the travel."""
@@ -57,9 +51,10 @@ class Pitched(AxisEffect):
     sharp = True
     causes = ("position",)
     depends = "position"
+    # pitch of the fundamental [m or rad]; searched when it is not given
     period: float = field(default=None)  # type: ignore[assignment]
-    shortest: float | None = field(default=None, kw_only=True)
-    longest: float | None = field(default=None, kw_only=True)
+    shortest: float | None = field(default=None, kw_only=True)  # lower bound of the search [m or rad]
+    longest: float | None = field(default=None, kw_only=True)  # upper bound of the search [m or rad]
     free_pitch: bool = field(default=False, kw_only=True, metadata={"internal": True})
 
     def __post_init__(self) -> None:
@@ -99,11 +94,7 @@ class Pitched(AxisEffect):
 
 @dataclass(frozen=True)
 class Ripple(Pitched):
-    """Force ripple, sinusoidal in position: tau = sum_h a_h cos(2 pi h q / period) + b_h sin(...).
-
-    Attributes:
-        harmonics: multiples of the fundamental.
-    """
+    """Force ripple, sinusoidal in position: tau = sum_h a_h cos(2 pi h q / period) + b_h sin(...)."""
 
     name = "ripple"
     words = "a force that repeats with every pole pitch, screw turn or ball passage"
@@ -112,7 +103,7 @@ class Ripple(Pitched):
     imitates = ("position_table", "encoder_error", "geometric_error")
     searched = 1
     repeats = 2.5  # a single wave is any smooth course, and a table of it
-    harmonics: tuple[int, ...] = (1,)
+    harmonics: tuple[int, ...] = (1,)  # multiples of the fundamental
     endless: bool = field(default=False, compare=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
@@ -148,9 +139,6 @@ class RippleModulated(Pitched):
 
     which contains Eq. 3.10, [R + R_a |sin(q + eps)|] sin(x + phi): the modulated part has a phase of
     its own.
-
-    Attributes:
-        eps: angle of the modulation [rad]; searched.
     """
 
     name = "ripple_modulated"
@@ -164,7 +152,7 @@ class RippleModulated(Pitched):
     searched = 2
     repeats = 4.0  # what says how its size changes fits any three waves
     rotary: bool = True
-    eps: float = 0.0
+    eps: float = 0.0  # angle of the modulation [rad]; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         return (*super().shapes(), Shape("eps", "rad", -0.5 * np.pi, 0.5 * np.pi, log=False))

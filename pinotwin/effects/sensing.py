@@ -32,9 +32,6 @@ class Delay(OneAxis):
 
     Exact where ``span`` is the delay itself; with a span of zero tau = -seconds dm/dt, its first order.
     A lead is a negative delay. Beside it, ``lead`` under ``data`` in machine.yaml moves the channel.
-
-    Attributes:
-        span: time over which the change of effort is taken [s]; searched.
     """
 
     name = "delay"
@@ -47,7 +44,7 @@ class Delay(OneAxis):
     needs = ("model",)
     searched = 1
     logged_effort = True
-    span: float = 1e-3
+    span: float = 1e-3  # time over which the change of effort is taken [s]; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("span", "s", -0.06, 0.06, log=False),)
@@ -105,9 +102,6 @@ class EncoderError(OneAxis):
 
     The controller follows the error, so the axis accelerates otherwise than the log says:
     tau = -M d²/dt² (a cos x + b sin x), here and through the inertia matrix on the other axes.
-
-    Attributes:
-        period: of the error [m or rad]; a turn or 10 mm when not given; searched.
     """
 
     name = "encoder_error"
@@ -121,7 +115,7 @@ class EncoderError(OneAxis):
     sharp = True
     searched = 1
     several = True
-    period: float = usual(1e-2, TURN)
+    period: float = usual(1e-2, TURN)  # of the error [m or rad]; a turn or 10 mm when not given; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (TURN / 200.0, TURN) if self.rotary else (1e-4, 1.0)

@@ -82,11 +82,7 @@ class LoopGain(OneAxis):
 
 @dataclass(frozen=True)
 class Saturation(OneAxis):
-    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort of the model.
-
-    Attributes:
-        limit: largest effort of the drive [N or N·m]; the largest of the log when not given.
-    """
+    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort of the model."""
 
     name = "saturation"
     family = SERVO
@@ -99,7 +95,7 @@ class Saturation(OneAxis):
     unlisted = "is stated by `effort_limit` of the axis"
     needs = ("model",)
     searched = 1
-    limit: float = np.inf
+    limit: float = np.inf  # largest effort of the drive [N or N·m]; the largest of the log when not given
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the largest effort of the log, where it is held for a while."""

@@ -115,20 +115,15 @@ def _posture(own: Floats, least: float = 0.05) -> Floats:
 
 @dataclass(frozen=True)
 class _Flexible(OneAxis):
-    """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load].
-
-    Attributes:
-        frequency: mode of the load against the motor held still [Hz]; searched.
-        damping: its damping ratio; searched.
-    """
+    """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load]."""
 
     family = TRANSMISSION
     causes = ("flexibility",)
     linear = (Coefficient("share", "-", lower=0.0, upper=1.0),)
     needs = ("rigid", "mass")
     searched = 2
-    frequency: float = 30.0
-    damping: float = 0.05
+    frequency: float = 30.0  # mode of the load against the motor held still [Hz]; searched
+    damping: float = 0.05  # its damping ratio; searched
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
@@ -204,12 +199,6 @@ class Backlash(OneAxis):
 
     The load floats through the gap after a reversal, then meets the other face, on which it settles with
     a contact mode.
-
-    Attributes:
-        gap: play [m or rad]; searched.
-        frequency: mode of the load against a face of the gap [Hz]; searched.
-        damping: its damping ratio; searched.
-        load: share of the axis' inertia behind the gap.
     """
 
     name = "backlash"
@@ -223,10 +212,10 @@ class Backlash(OneAxis):
     needs = ("rigid", "mass")
     sharp = True
     searched = 3
-    gap: float = usual(1e-5, 1e-4)
-    frequency: float = 150.0
-    damping: float = 0.35
-    load: float = LOAD
+    gap: float = usual(1e-5, 1e-4)  # play [m or rad]; searched
+    frequency: float = 150.0  # mode of the load against a face of the gap [Hz]; searched
+    damping: float = 0.35  # its damping ratio; searched
+    load: float = LOAD  # share of the axis' inertia behind the gap
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)

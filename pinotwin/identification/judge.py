@@ -10,6 +10,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect, needs_model
+from pinotwin.effects.position import PositionTable
 from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
@@ -118,6 +119,7 @@ def warnings(
         effort, speed = ("N·m", "rad/s") if rotary[name] else ("N", "m/s")
         size = f"{row['effort']:.4g} ± {row['half']:.2g} {effort} at {row['speed']:.3g} {speed}"
         out.append(f"{name} moves at one speed: of its friction only c + b v = {size} is known")
+    out += coarser_tables(machine.effects, plant.effects)
     for name in quality["at_bound"]:
         out.append(f"{name} ended at its bound")
     for name, row in quality["axes"].items():
@@ -134,6 +136,16 @@ def warnings(
                 f"({row['held_out']['rms']:.3g} {unit} left); see `pinotwin diagnose`"
             )
     return out
+
+
+def coarser_tables(given: Sequence[Effect], used: Sequence[Effect]) -> list[str]:
+    """Return a line [m or rad] for each table whose knots are further apart than was asked for."""
+    return [
+        f"{b.axis}: the knots of its position table are {b.spacing:.3g} {b.unit('x')} apart, not {a.spacing:.3g}: "
+        f"at most {b.most} on a travel; finer waves are its pitches"
+        for a, b in zip(given, used, strict=False)
+        if isinstance(a, PositionTable) and isinstance(b, PositionTable) and b.spacing > a.spacing
+    ]
 
 
 def signs_of_missing_effects(

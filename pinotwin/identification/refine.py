@@ -20,6 +20,7 @@ import scipy
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Shape
 from pinotwin.loop import LoopData, LoopModel
+from pinotwin.loop.identify import slopes
 from pinotwin.motion import Motion
 from pinotwin.solve.sandwich import block_covariance
 
@@ -140,10 +141,23 @@ class _Through:
         for h in np.diag(0.05 * found.shape_scales(self.motion)):
             less, more = (self.columns(found.shaped(x + side * h)) @ theta for side in (-1.0, 1.0))
             J.append((more - less)[:, None] / (2.0 * float(h.sum())))
-        spread = block_covariance(np.concatenate(J, axis=1), left)
-        errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
+        errors = self._errors(np.concatenate(J, axis=1), left, found.error)
         count = len(theta)
         return replace(found, theta=theta, error=errors[:count], shape_error=errors[count:])
+
+    def _errors(self, J: Floats, left: Floats, before: Floats) -> Floats:
+        """Return the standard errors (p,) of what has slopes J (n, p), beside a loop found from the same rows.
+
+        What no row tells apart from the loop is as sure as it was ``before`` (coefficients,), without one.
+        """
+        basis = np.linalg.qr(slopes(self.data, self.model))[0]
+        size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+        alone = (J - basis @ (basis.T @ J)) / size
+        known, V = np.linalg.eigh(block_covariance(alone, left))
+        told = np.zeros(len(size))
+        told[: len(before)] = (1.0 / np.maximum(before * size[: len(before)], 1e-300)) ** 2
+        both = (V / np.maximum(known, 1e-300)) @ V.T + np.diag(np.where(np.isfinite(told), told, 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(both, hermitian=True)), 0.0)) / size)
 
     def _outputs(self, d: Floats, *, command: bool) -> Floats:
         """Return the outputs of the loop to a disturbance, with or without the command, shape (n, ny)."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import scipy
@@ -32,22 +33,30 @@ from pinotwin.solve.sandwich import bartlett
 OptionsOf = Callable[[Sequence[Effect]], Options]
 
 
-def with_beliefs(effects: Sequence[Effect], motion: Motion, rows: Rows, options: OptionsOf) -> list[Effect]:
-    """Return the effects, tables with priors and pitches as the rows tell them at the present shapes."""
+def with_beliefs(
+    effects: Sequence[Effect], motion: Motion, rows: Rows, options: OptionsOf, searches: int = 3
+) -> list[Effect]:
+    """Return the effects, tables with priors and pitches as the rows tell them at the present shapes.
+
+    Pitches are looked for again beside those found, so many times at most: a large wave hides small ones.
+    """
     out = list(effects)
     tables = {k: e for k, e in enumerate(out) if isinstance(e, PositionTable) and e.belief() is None}
     tables = {k: e for k, e in tables.items() if motion.index(e.axis) in rows.joints}
-    for last in (False, False, False, True) if tables else ():
-        problem = assemble(motion, out, rows)
-        told = _Told(motion, rows, problem, reduce(problem))
-        fit = told.tuned(out, tables, options)
-        found = {} if last else {k: told.pitches(table, fit) for k, table in tables.items()}
+    if not tables:
+        return out
+    told = _Told.of(motion, rows, out)
+    fit = told.tuned(out, tables, options)
+    for _ in range(searches):
+        found = {k: told.pitches(table, fit) for k, table in tables.items()}
         if not any(found.values()):
-            told.tuned(out, tables, options, passing=True)
             break
         for k, table in tables.items():
             table = replace(table, pitches=(*table.pitches, *found[k]), amplitude=None, length=None)
             out[k] = tables[k] = table
+        told = _Told.of(motion, rows, out)
+        fit = told.tuned(out, tables, options)
+    told.tuned(out, tables, options, passing=True)
     return out
 
 
@@ -75,6 +84,11 @@ class _Told:
     rows: Rows
     problem: Problem  # of the effects
     reduced: Reduced  # the same
+
+    @classmethod
+    def of(cls, motion: Motion, rows: Rows, effects: Sequence[Effect]) -> Self:
+        problem = assemble(motion, effects, rows)
+        return cls(motion, rows, problem, reduce(problem))
 
     def tuned(
         self,

@@ -158,6 +158,17 @@ def _numerator_errors(
     return {n: tuple(np.sqrt(e).tolist()) for n, e in zip(names, errors, strict=True)}
 
 
+def slopes(data: LoopData, model: LoopModel) -> Floats:
+    """Return the slopes of a loop's outputs, over their RMS, by its poles and free residues, shape (rows * ny, k)."""
+    tangents = [t for t, _ in _linearised(Projection(data, model.layout, Scales.of(data)), model.theta)[0]]
+    poles, rows = len(model.theta), len(tangents[0])
+    own = [np.zeros((rows, len(tangents), t.shape[1] - poles)) for t in tangents]
+    for k, t in enumerate(tangents):
+        own[k][:, k] = t[:, poles:]
+    shared = np.stack([t[:, :poles] for t in tangents], axis=1)
+    return np.concatenate([shared, *own], axis=2).reshape(rows * len(tangents), -1)
+
+
 def covariance(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
     """Return the covariance of logarithms and scaled residues, with bounds, shape (np,), as known; and its blocks."""
     tangents, scores = _linearised(projection, theta)

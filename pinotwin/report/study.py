@@ -49,19 +49,12 @@ KINDS = {
 
 @dataclass
 class Studied:
-    """What the studies found.
+    """What the studies found."""
 
-    Attributes:
-        page: the report.
-        studies: name of a CSV file -> what it is the table of.
-        left_out: studies that could not be made, and why.
-        machine: its name.
-    """
-
-    page: Page
-    studies: dict[str, Study] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
-    machine: str = ""
+    page: Page  # the report
+    studies: dict[str, Study] = field(default_factory=dict)  # name of a CSV file -> what it is the table of
+    left_out: list[str] = field(default_factory=list)  # studies that could not be made, and why
+    machine: str = ""  # its name
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin study --json`` writes."""

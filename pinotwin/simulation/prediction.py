@@ -18,17 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Prediction(Log, Drawn):
-    """A predicted log, see :func:`pinotwin.simulate`.
+    """A predicted log, see :func:`pinotwin.simulate`."""
 
-    Attributes:
-        twin: the machine that was simulated.
-        command: the log whose command it followed, in the names of the contract.
-        controller: form of the closed loop.
-    """
-
-    twin: Twin
-    command: Log
-    controller: str
+    twin: Twin  # the machine that was simulated
+    command: Log  # the log whose command it followed, in the names of the contract
+    controller: str  # form of the closed loop
 
     @property
     def errors(self) -> dict[str, dict[str, dict[str, float]]]:

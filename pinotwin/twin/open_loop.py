@@ -23,28 +23,19 @@ from pinotwin.twin.parameters import Parameter, Parameters
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OpenLoop:
-    """An identified plant: ``effort = sum over effects of columns(motion) @ theta``.
+    """An identified plant: ``effort = sum over effects of columns(motion) @ theta``."""
 
-    Attributes:
-        machine: what was believed.
-        effects: the effects with the shapes that were found.
-        theta: their linear coefficients, in the order of the effects, shape (p,).
-        covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
-        parameters: all parameters, in order and by full name.
-        pi: standard inertial parameters with ``P pi = beta``, of bodies that can exist where ``bodies`` has a row.
-        diagonal: constant inertia, viscous and stiffness terms that the loops are identified with,
-            each of shape (nv,); see :mod:`pinotwin.analysis.disturbance`.
-        bodies: per joint its body's ``mass`` and that of the ``urdf`` [kg], ``share`` d log m / d log m_URDF (0: the
-            log's, 1: the URDF's), ``source`` (``log``, ``URDF``, ``rod`` for dummies) and ``interval95`` or None.
-    """
-
-    machine: Machine
-    effects: tuple[Effect, ...]
-    theta: Floats
-    covariance: Floats
-    parameters: Parameters
-    pi: Floats
+    machine: Machine  # what was believed
+    effects: tuple[Effect, ...]  # the effects with the shapes that were found
+    theta: Floats  # their linear coefficients, in the order of the effects, shape (p,)
+    covariance: Floats  # of ``theta``, shape (p, p); zero rows for what the data leave open
+    parameters: Parameters  # all parameters, in order and by full name
+    pi: Floats  # standard inertial parameters with ``P pi = beta``, of bodies that can exist where ``bodies`` has a row
+    # constant inertia, viscous and stiffness terms that the loops are identified with, each of shape (nv,); see
+    # :mod:`pinotwin.analysis.disturbance`.
     diagonal: Mapping[str, Floats] = field(default_factory=dict)
+    # per joint its body's ``mass`` and that of the ``urdf`` [kg], ``share`` d log m / d log m_URDF (0: the log's, 1:
+    # the URDF's), ``source`` (``log``, ``URDF``, ``rod`` for dummies) and ``interval95`` or None
     bodies: tuple[Mapping[str, Any], ...] = ()
 
     def __post_init__(self) -> None:

@@ -35,19 +35,12 @@ HINT = "move the axes; drag to turn, wheel to zoom"
 
 @dataclass(frozen=True)
 class View:
-    """A page that shows a machine: by :meth:`show`, by :meth:`save`, and in a notebook by itself.
+    """A page that shows a machine: by :meth:`show`, by :meth:`save`, and in a notebook by itself."""
 
-    Attributes:
-        name: the machine's.
-        page: HTML that holds everything it needs.
-        posture: axis or passive joint -> where it stands at first [m or rad].
-        notes: what is not as one might expect, one line each.
-    """
-
-    name: str
-    page: str
-    posture: Mapping[str, float]
-    notes: tuple[str, ...] = ()
+    name: str  # the machine's
+    page: str  # HTML that holds everything it needs
+    posture: Mapping[str, float]  # axis or passive joint -> where it stands at first [m or rad]
+    notes: tuple[str, ...] = ()  # what is not as one might expect, one line each
 
     def save(self, path: str | Path) -> Path:
         """Write the page, which opens without network; return its path.
