@@ -12,6 +12,7 @@ from pinotwin.cli.diagnose import cause_lines, gap_lines, summary
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.phrases import effect_words, on_axis
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.report.diagnosis_verdict import axis_cards, headline, rotary_axes, states
 from pinotwin.report.display import scale_of
 from pinotwin.report.first_screen import how_sure, picture
@@ -20,7 +21,7 @@ from pinotwin.system.phrases import DIAGNOSED, STATES
 
 def contradictions(d: Diagnosis) -> list[str]:
     """Return what page, terminal and JSON say differently of one diagnosis, one line each."""
-    return [line for check in (_states, _sentences, _numbers, _sure, _drawn) for line in check(d)]
+    return [line for check in (_states, _sentences, _numbers, _expected, _sure, _drawn) for line in check(d)]
 
 
 def _states(d: Diagnosis) -> Iterator[str]:
@@ -40,7 +41,9 @@ def _states(d: Diagnosis) -> Iterator[str]:
     if d.verdict == "none" and changed:
         yield f"verdict none, changed {changed}"
     faulty = {e.axis for e in d.effects} | {
-        a for a, row in d.unexplained.items() if set(row) & set(d.gap.get(a, ()))
+        a
+        for a, row in d.unexplained.items()
+        if set(row) & set(d.gap.get(a, ())) and d.state(a) != "cannot say"  # open, for it cannot be judged
     }
     if not (faulty & set(d.gap)) <= changed:
         yield f"named or open {faulty}, changed {changed}"
@@ -74,6 +77,24 @@ def _numbers(d: Diagnosis) -> Iterator[str]:
         falls = [x for x in lines if x.startswith(f"{axis}: ") and " the residual falls from " in x]
         if signal == "u" and any(f"from {now.split()[0]} to " not in x for x in falls):
             yield f"{axis}.{signal} {now}: {falls}"
+
+
+def _expected(d: Diagnosis) -> Iterator[str]:
+    """What is expected of a residual is one number, and its grade and sentence agree with it."""
+    cards, rows = html.unescape(axis_cards(d).text).split("<h3>")[1:], gap_lines(d)[1:]
+    signals = [(axis, signal, g) for axis, row in d.gap.items() for signal, g in row.items()]
+    for (axis, signal, g), row in zip(signals, rows, strict=True):
+        shown = scale_of(signal, rotary_axes(d).get(axis, False), g.rms).text(g.level)
+        card = next(x for x in cards if x.startswith(f"Axis {axis} "))
+        if g.level > 0.0 and shown not in row:
+            yield f"{axis}.{signal} {shown} expected: terminal {row}"
+        if g.misfit == g.misfit and shown not in card:
+            yield f"{axis}.{signal} {shown} expected: not on the card"
+        if d.grade(axis, signal) == "gap explained" and signal == "e" and g.after > RULES.odd * g.level:
+            yield f"{axis}.{signal} explained, {g.after:.3g} of {shown} remain"
+        small = any(x.startswith(f"{axis}: no named cause explains") for x in headline(d)) and signal == "u"
+        if small and 0.0 < g.rms <= g.level:
+            yield f"{axis}.{signal} said to be open, no larger than the {shown} expected"
 
 
 def _sure(d: Diagnosis) -> Iterator[str]:

@@ -255,8 +255,8 @@ def test_bodies_say_whose_their_mass_is_and_what_they_cost() -> None:
     assert cells[1] == ["A", "50", "45", "0.90", "the URDF"]
     assert cells[2][2:] == ["dummy", "0.10", "nobody: not identified"]
     assert said == [
-        "error on held-out rows: 1.250 of that of a fit without bodies",
-        "error on held-out rows: 1.010 of that at the best weight",
+        "held-out error with these bodies: 1.250 times that of an unconstrained fit",
+        "held-out error with these bodies: 1.010 times that at the best weight of the URDF",
     ]
     page = identification_report(told, log)
     assert all(text in page for text in (*cells[0], *said))

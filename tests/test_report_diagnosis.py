@@ -25,7 +25,6 @@ from pinotwin.logs.prepared import Prepared
 from pinotwin.loop.servo import Servo
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
-from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.display import number, scale_of
 from pinotwin.report.first_screen import loudest
@@ -181,13 +180,6 @@ def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() ->
     assert "when it is injected into the residual" in page
 
 
-def test_the_bars_show_what_is_known() -> None:
-    sizes = {name: size for name, (size, _) in bars(GAP, acts=True).items()}
-    assert sizes == {"residual today": 5.0, "with the causes": 3.1, "noise": 3.0}
-    known = replace(GAP, misfit=2.0, noise=0.0)
-    assert [*bars(known, acts=False)] == ["residual today", "validation error"]
-
-
 def test_regions_of_the_cause_come_first_and_slow_changes_last() -> None:
     slow = Region("Y", "u", "frequency", (0.0, 1.0), "Hz", 0.99, 0.01, None)
     other = replace(TILT, share=0.99)
@@ -276,7 +268,7 @@ def test_no_line_bridges_a_pause_in_the_trace() -> None:
         if f["layout"].get("xaxis", {}).get("title", {}).get("text") == "time [s]"
     ]
     (figure,) = drawn
-    assert [trace["name"] for trace in figure["data"]] == ["model today", "with the cause"]
+    assert [trace["name"] for trace in figure["data"]] == ["without the cause", "with the cause"]
     y = figure["data"][0]["y"]
     values = np.frombuffer(base64.b64decode(y["bdata"]), dtype=y["dtype"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [100]

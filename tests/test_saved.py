@@ -92,7 +92,7 @@ def test_a_diagnosis_draws_its_residual(found):
     figure = found.plot()
     trace = next(t for t in found.traces if t.axis == "X")
     names = [line.name for line in figure.data]
-    assert names == ["model today", "with the cause"]
+    assert names == ["without the cause", "with the cause"]
     assert np.nanmax(np.abs(figure.data[0].y)) == pytest.approx(np.max(np.abs(trace.before)), rel=1e-4)
     assert "var(" not in figure.to_json()
     assert image(found).count('id="trace-') == 2

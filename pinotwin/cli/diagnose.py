@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
 
-OTHERWISE = {"none": "chance", "unknown": "a cause in no catalogue"}
-
-
 def run(
     subject: str,
     logs: Several,
@@ -138,16 +135,16 @@ def gap_lines(found: Diagnosis) -> list[str]:
     for axis, row in found.gap.items():
         for signal, g in row.items():
             scale = scale_of(signal, rotary.get(axis, False), g.rms)
-            known = (g.rms, g.after, g.misfit, g.noise or float("nan"))
+            known = (g.rms, g.after, g.level or float("nan"), g.noise or float("nan"))
             sizes = [scale.text(x) if x == x else "-" for x in known]
             rows.append([f"{axis}.{signal}", *sizes, printed(found.grade(axis, signal))])
-    return columns(("RMS", "residual", "with causes", "validation", "noise", "grade"), rows, left=(0, 5))
+    return columns(("RMS", "residual", "with causes", "expected", "noise", "grade"), rows, left=(0, 5))
 
 
 def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:
     """Return every cause, named or possible, with its size, its confidence and what else it could be, if likely."""
     from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
-    from pinotwin.diagnosis.phrases import on_axis
+    from pinotwin.diagnosis.phrases import on_axis, rivals
 
     lines = []
     for e in (*found.effects, *found.possible):
@@ -156,11 +153,7 @@ def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:
         word = "possible" if e in found.possible else "effect"
         lines.append(f"{word}: {on_axis(e.effect, e.axis)}, confidence {e.confidence:.0%}")
         lines += [f"        {text}" for text in sizes]
-        others = ", ".join(
-            OTHERWISE.get(a["effect"]) or on_axis(a["effect"], a["axis"])
-            for a in e.alternatives
-            if a.get("probability", 0.0) >= likely
-        )
+        others = ", ".join(x for x, (p, _) in rivals(e, found.effects).items() if p >= likely)
         if others:
             lines.append(f"        also possible: {others}")
     return lines

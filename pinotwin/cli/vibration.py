@@ -98,10 +98,9 @@ def summary(found: Vibration) -> list[str]:
             )
     for u in found.unused:
         lines.append(
-            f"{u.predicted} not used, predicted by {u.fitted}: gyro left "
-            f"{np.degrees(u.gyro):.4f} deg/s (no deflection {np.degrees(u.gyro_rigid):.4f}, at rest "
-            f"{_known(np.degrees(u.gyro_noise))}), accelerometer {u.accel:.4f} m/s² (no deflection "
-            f"{u.accel_rigid:.4f}, at rest {_known(u.accel_noise)})"
+            f"{u.predicted} not used, predicted by {u.fitted}: gyro left {np.degrees(u.gyro):.4f} deg/s (no deflection "
+            f"{np.degrees(u.gyro_rigid):.4f}, at rest {_known(np.degrees(u.gyro_noise))}), accelerometer {u.accel:.4f} "
+            f"m/s² (no deflection {u.accel_rigid:.4f}, at rest {_known(u.accel_noise)})"
         )
     return lines + [f"note: {note}" for note in found.notes]
 

@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pinotwin.diagnosis.result import Region, Size
+from pinotwin.diagnosis.result import Found, Region, Size
 from pinotwin.effects import known
-from pinotwin.system.phrases import CAUSES, REGIONS, joined
+from pinotwin.system.phrases import CAUSES, OTHERWISE, REGIONS, joined
 from pinotwin.units import shown
 
 
@@ -22,6 +22,18 @@ def effect_words(name: str) -> str:
 def on_axis(name: str, axis: str | None) -> str:
     """Return an effect with where it acts, e.g. ``quadratic drag on axis Y``."""
     return effect_words(name) if axis is None else f"{effect_words(name)} on axis {axis}"
+
+
+def rivals(found: Found, named: Sequence[Found]) -> dict[str, tuple[float, str]]:
+    """Return what else a cause could be -> probability and reason: forms of an effect together, no ``named`` cause."""
+    out: dict[str, tuple[float, str]] = {}
+    for a in found.alternatives:
+        what = OTHERWISE.get(a["effect"]) or on_axis(a["effect"], a.get("axis"))
+        if any((x.effect, x.axis) == (a["effect"], a.get("axis")) for x in named):
+            continue
+        p, why = out.get(what, (0.0, str(a.get("why", ""))))
+        out[what] = p + float(a.get("probability", 0.0)), why
+    return out
 
 
 def moved(sizes: Sequence[Size]) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
-from pinotwin.diagnosis.grade import KIND, OPEN, STATE, Grade, State, grade, printed
+from pinotwin.diagnosis.grade import KIND, OPEN, STATE, Grade, State, grade, left_anyway, printed
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
@@ -39,6 +40,11 @@ class Gap:
     def expected(self) -> float:
         """The error that is expected of the twin in this motion [unit of the signal]; NaN where no misfit is known."""
         return math.hypot(self.misfit, self.unsure)
+
+    @property
+    def level(self) -> float:
+        """The expected error and the noise together, which the residual is held against [unit of the signal]."""
+        return left_anyway(self.noise, self.expected)
 
 
 @dataclass(frozen=True)
@@ -221,6 +227,8 @@ class Diagnosis(Drawn):
         word = grade(g.rms, g.expected, g.noise, g.after if shrinks else None, size=size, signal=signal)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
+        if signal == "e" and word == "gap explained" and g.after > RULES.odd * g.level:
+            word = "above misfit"  # the causes were sought in the efforts
         if signal in self.unexplained.get(axis, {}) and word != "partly explained":
             return "partly explained" if named and g.after < g.rms else "not explained"
         return word

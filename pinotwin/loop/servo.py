@@ -192,13 +192,14 @@ class Servo:
     def service(self) -> dict[str, tuple[float, float, float]]:
         """Return the numbers a drive is set up with [SI]: value and ends of the 90 % interval (NaN: not known).
 
-        Kv [1/s] is the command's velocity over the following error, infinite where there is none.
+        Kv [1/s] is the command's velocity over the following error, infinite where none is certain.
         """
         named, unknown = self.named(), (math.nan, math.nan)
         late, ends = self.following(), self.intervals()
         half = TWO_SIDED * self.errors.get(FOLLOWING, math.nan)
         out = {FOLLOWING: (late, late - half, late + half)}
-        out["Kv"] = _inverse(*out[FOLLOWING])
+        value, low, high = _inverse(*out[FOLLOWING])
+        out["Kv"] = (math.inf if abs(late) <= half else value, low, high)
         if named.get("rate", 0.0) > 0.0:
             out["reset time"] = _inverse(named["rate"], *ends.get("rate", unknown))
         if self.lost is not None:

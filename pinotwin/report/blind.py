@@ -51,7 +51,7 @@ def bench_page(d: Mapping[str, Any]) -> Page:
 
 def _headline(d: Mapping[str, Any]) -> str:
     held = [r for r in d["scores"] if r["must"] and r["value"] is not None]
-    below = [r["name"] for r in held if r["state"] == "below"]
+    below = [r["name"].removeprefix("… ") for r in held if r["state"] == "below"]
     if not held:
         return "Too few cases for any score."
     if not below:
@@ -70,13 +70,14 @@ def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
     columns = [r for r in rows if r in names]
     columns += sorted(names - set(columns) - set(LAST)) + [k for k in LAST if k in names]
     z = np.array([[matrix[r].get(c, 0.0) for c in columns] for r in rows], dtype=float)
-    share = z / np.maximum(z.sum(axis=1, keepdims=True), 1e-12)
-    text = [[f"{v:.0f}" if v else "" for v in row] for row in z]
-    z = np.where(z > 0.0, share, np.nan)
-    figure = go.Figure(go.Heatmap(x=columns, y=rows, z=z, text=text, **look()["matrix"]))
+    share, (i, j) = z / np.maximum(z.sum(axis=1, keepdims=True), 1e-12), np.nonzero(z)
+    marks = go.Scatter(x=[columns[k] for k in j], y=[rows[k] for k in i], text=z[i, j], **look()["matrix"])
+    figure = go.Figure(marks.update(marker_color=share[i, j]))  # squares: no heat map is in the small plotly
     style(figure, 130 + 24 * len(rows), legend=False)
-    figure.update_xaxes(side="top", showgrid=False, tickangle=-50, type="category")
-    figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
+    figure.update_xaxes(side="top", showgrid=False, categoryarray=columns, tickangle=-50, type="category")
+    figure.update_yaxes(
+        autorange="reversed", showgrid=False, zeroline=False, type="category", categoryarray=rows
+    )
     return figure
 
 

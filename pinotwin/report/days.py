@@ -48,11 +48,13 @@ def finding(rows: Sequence[Row]) -> str:
     lost = [row for row in rows if row["folder"] is None]
     judged = [row for row in rows if row["folder"] is not None]
     moved = [row for row in judged if row["causes"]]
-    left = [row for row in judged if row["verdict"] in ("unexplained", "partly_explained")]
+    still = [row for row in judged if row["verdict"] in ("unexplained", "partly_explained")]
+    left = [row for row in still if "changed" in row["state"].values()]
+    unsaid = [row for row in still if row not in left]
     first = words["changed" if moved else "none"].format(count=len(moved), logs=len(judged))
-    out = [first] if moved or (judged and not left) else []
+    out = [first] if moved or (judged and not still) else []
     out += [_since(judged, key) for key in _keys(rows)]
-    named = {"left": left, "lost": lost}
+    named = {"left": left, "unsaid": unsaid, "lost": lost}
     return " ".join([*out, *(words[k].format(logs=joined([*map(_name, x)])) for k, x in named.items() if x)])
 
 
@@ -71,7 +73,8 @@ def _since(rows: Sequence[Row], key: Key) -> str:
     """Return from which log on a cause is named, and how often."""
     has = [_named(row, key) is not None for row in rows]
     first, last = has.index(True), len(has) - 1 - has[::-1].index(True)
-    what, form = _cause(_named(rows[last], key) or {}), "since" if all(has[first:]) else "some"
+    what = _cause(_named(rows[last], key) or {})
+    form = "since" if all(has[first:]) else "once" if sum(has) == 1 else "some"
     given = {"what": capital(what), "log": _name(rows[first])}
     return DAYS[form].format(**given, count=sum(has), logs=len(has))
 

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from pinotwin.diagnosis.conclusion.sizes import (
-    before_text,
-    interval_text,
-    name_words,
-    now_text,
-    times_text,
-    told,
-)
+from pinotwin.diagnosis import phrases
+from pinotwin.diagnosis.conclusion import sizes
 from pinotwin.diagnosis.conclusion.where import telling
 from pinotwin.diagnosis.grade import printed
-from pinotwin.diagnosis.phrases import explanation, label_words, on_axis, plain_sentence, region_words, remedy
-from pinotwin.diagnosis.result import Diagnosis, Found, Region
+from pinotwin.diagnosis.phrases import label_words, on_axis, plain_sentence, remedy
+from pinotwin.diagnosis.result import Diagnosis, Region, Shrink, Size
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, Tabs, macro, table
+from pinotwin.report.blocks import Html, Tabs, table
 from pinotwin.report.diagnosis_evidence import evidence_panels, machine_block
-from pinotwin.report.diagnosis_plots import density, signal_name
+from pinotwin.report.diagnosis_plots import density
 from pinotwin.report.diagnosis_verdict import axis_cards, headline, named_data, rotary_axes, states
 from pinotwin.report.display import scale_of
 from pinotwin.report.first_screen import how_sure, picture, what_now, which_data
@@ -31,7 +26,6 @@ COMPARED = {
     "structure": "log against the machine's model, fitted to it",
     "change": "log against a twin that was identified earlier",
 }
-OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
 
 
 def diagnosis_report(
@@ -54,7 +48,8 @@ def diagnosis_report(
         "data": which_data(d),
         "now": what_now(d, remedies, advice),
         "first": picture(d),
-        "changes": _changes(d),
+        "sizes": sizes,
+        "words": phrases,
         "picture": machine_block(d, logs[0] if logs else None),
         "few": len(d.gap) <= 3,  # their cards stand beside the picture
         "cards": axis_cards(d),
@@ -63,15 +58,11 @@ def diagnosis_report(
         "tracking": any("e" in row for row in d.gap.values()),
         "warnings": [plain_sentence(str(w)) for w in d.warnings],
         "where": _where(d),
-        "signal_name": signal_name,
-        "region_words": region_words,
+        "signals": SIGNALS,
         "kinds": KINDS,
-        "named": _which(d.effects),
-        "possible": _which(d.possible),
         "groups": [joined([label_words(x) for x in group]) for group in d.confusable],
-        "on_axis": on_axis,
-        "explanation": explanation,
-        "numbers": [x for e in d.effects for x in _numbers(e)],
+        "capital": capital,
+        "smallest": {(x["effect"], x["axis"]): _smallest(x) for x in d.detectable},
         "shrink": _shrink(d),
         "evidence": Tabs(panels) if panels else "",
         "remedies": remedies,
@@ -82,66 +73,37 @@ def diagnosis_report(
     return Page(title, COMPARED.get(d.situation, ""), (), "diagnosis", content, files, d.provenance).html()
 
 
-def _changes(d: Diagnosis) -> Html | str:
-    """Return what each cause changed from what to what, with units and intervals."""
-    rows: list[list[object]] = []
-    for e in d.effects:
-        first, sure = macro("bold", on_axis(e.effect, e.axis)), f"{e.confidence:.0%}"
-        numbers = [
-            [name_words(s), before_text(s), now_text(s), interval_text(s), times_text(s)]
-            for s in told(e.size)[:3]
-        ] or [[""] * 5]
-        rows += [[first if k == 0 else "", *row, sure if k == 0 else ""] for k, row in enumerate(numbers)]
-    before = "before" if d.situation == "change" else "in the model"
-    header = ("cause", "number", before, "now", "90 % interval", "change", "confidence")
-    return table(header, rows, numeric=(2, 3, 4, 5, 6)) if rows else ""
-
-
 def _where(d: Diagnosis, most: int = 8) -> list[tuple[Region, float]]:
     """Return the regions in which the residual lies, ``most`` at most, with how dense it is there."""
     rows = [(r, density(r)) for r in telling(d.where, [str(e.axis) for e in d.effects])]
     return [(r, times) for r, times in rows if times > 1.0][:most]
 
 
-def _which(found: Sequence[Found]) -> Html | str:
-    """Return causes with their confidence and what else each could be."""
-    rows = []
-    for e in found:
-        others = []
-        for item in e.alternatives:
-            effect, p = str(item.get("effect", "")), item.get("probability", 0.0)
-            what = OTHERWISE.get(effect) or on_axis(effect, item.get("axis"))
-            chance = f" ({p:.0%})" if p >= 0.005 else ""
-            others.append(f"{what}{chance}: {plain_sentence(str(item.get('why', '')))}")
-        name = macro("bold", on_axis(e.effect, e.axis))
-        rows.append([name, explanation(e.effect), f"{e.confidence:.0%}", macro("others", others)])
-    return table(("cause", "what it is", "confidence", "could also be"), rows) if rows else ""
-
-
-def _numbers(e: Found, most: int = 12) -> list[tuple[str, str, Html]]:
-    """Return every number of a cause that has more than the answer shows: title, form, and a table."""
-    if len(e.size) <= 1:
-        return []
-    rows = [[s.name, before_text(s), now_text(s), interval_text(s)] for s in e.size[:most]]
-    more = f"; the first {most}, all are in diagnosis.json" if len(e.size) > most else ""
-    shapes = ", ".join(f"{k} = {v:.4g}" for k, v in e.shape.items()) if len(e.shape) <= most else ""
-    numbers = table(("number", "before", "now", "90 % interval"), rows, numeric=(1, 2, 3))
-    return [(f"{on_axis(e.effect, e.axis)}: {len(e.size)} numbers{more}", shapes, numbers)]
+def _smallest(x: Mapping[str, Any]) -> str:
+    """Return the smallest change that these logs show, with its unit."""
+    size = Size(x["name"], 0.0, float(x["change"]), x["unit"], (0.0, 0.0))
+    return f"{size.after:.0%}" if size.unit == "-" else sizes.now_text(size, 3)
 
 
 def _shrink(d: Diagnosis) -> Html | str:
     """Return each cause's own share of the residual."""
     rows, rotary = [], rotary_axes(d)
+    tracked: list[tuple[str, Shrink]] = []
     for e in d.effects:
         others = [("u", x) for x in e.acts.values() if x is not e.shrink.get("u")]
         for signal, x in (*e.shrink.items(), *others):
             axis = x.axis or e.axis or ""
+            every = signal == "e" and len(d.effects) > 1  # the loop was simulated with all of them at once
+            if every and (axis, x) in tracked:
+                continue
+            tracked += [(axis, x)] if every else []
             scale = scale_of(signal, rotary.get(axis, False), x.before)
-            of = "" if axis == e.axis else f" of {axis}"
-            what = f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}{of}"
+            of = "" if axis == e.axis and not every else f" of {axis}"
+            cause = "all causes" if every else on_axis(e.effect, e.axis)
             shares = (display.percent(x.share), _interval(x.interval), display.percent(x.promised))
-            rows.append([what, scale.text(x.before), scale.text(x.after), *shares, named_data(d, x)])
-    header = ("cause", "residual before", "after", "explained", "90 % interval", "expected", "measured")
+            moved = (scale.text(x.before), scale.text(x.after), *shares, named_data(d, x))
+            rows.append([f"{cause}, {SIGNALS[signal]}{of}", *moved])
+    header = ("cause", "residual before", "after", "explained", "90 % interval", "in the fit", "measured")
     return table(header, rows, numeric=(1, 2, 3, 4, 5)) if rows else ""
 
 

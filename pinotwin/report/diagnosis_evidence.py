@@ -38,7 +38,7 @@ def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Blo
 
 def _panel(d: Diagnosis, logs: Sequence[Log], given: Traces, turns: bool) -> list[Block]:
     name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
-    title, note = f"Axis {given.axis}: log minus model", f"Over time, in {display.elided(name)}."
+    title, note = f"Axis {given.axis}: residual", f"Over time, in {display.elided(name)}."
     peak = "A peak is a vibration; a rise to the right, elasticity or delay."
     spectrum = Plot(spectrum_figure(given, turns), "By frequency", peak)
     return [Plot(gap_figure(given, turns), title, note), *_against(d, given, turns), spectrum]
@@ -55,7 +55,7 @@ def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
 
     def against(of: Against, x: Floats) -> go.Figure:
         at = np.interp(given.t, motion.t, x[:, j])
-        return against_figure(of, turns, at, shown(given), "log minus model", given.before)
+        return against_figure(of, turns, at, shown(given), "residual", given.before)
 
     curve = "Line: median. A curve is friction that the model does not have."
     wave = "Line: median. A wave is ripple, cable or guideway."

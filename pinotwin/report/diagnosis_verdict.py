@@ -6,7 +6,8 @@ import math
 from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import change_text, told
-from pinotwin.diagnosis.grade import Grade, printed
+from pinotwin.diagnosis.conclusion.where import along
+from pinotwin.diagnosis.grade import OPEN, Grade, printed
 from pinotwin.diagnosis.phrases import (
     effect_words,
     moved,
@@ -51,7 +52,8 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
         open_axes = [a for a in d.remains or d.unexplained if grade_of(d, a) != "not judged"]
         where = joined([f"axis {a}" for a in open_axes or d.unexplained] or ["this machine"])
         word = "unsure" if d.possible else "unknown" if open_axes or not d.unexplained else "unjudged"
-        said = DIAGNOSED[word].format(where=where)
+        reference = "twin" if d.situation == "change" else "model"
+        said = DIAGNOSED[word].format(where=where, reference=reference)
         return [*([said] if open_axes or not d.remains else []), *rest]
     lines = [_cause(d, e) for e in d.effects[:most]]
     if len(d.effects) > most:
@@ -70,29 +72,51 @@ def _cause(d: Diagnosis, e: Found) -> str:
     """Return a cause with its size and what it explains of the residual."""
     did = moved(told(e.size)) if d.situation == "change" else DIAGNOSED["missing"]
     time = event(d, e)
-    when = f", {region_words(time)}" if time else ""
+    when = "".join(f", {region_words(r)}" for r in (time, along(e, d.where)) if r)
+    if time and len({r.range for r in d.where if r.kind == "time" and r.axis == e.axis}) > 1:
+        when += DIAGNOSED["again"]
     said = (
         f"{e.axis or d.machine}: {effect_words(e.effect)} {did}{change_text(e)}{_position_gain(d, e)}{when}."
     )
+    logged = _logged(d, e)
     signal = next((x for x in ("u", "v", "ql", "e") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
     if shrink is None:
-        return said
+        return said + logged
     data = named_data(d, shrink)
     if shrink.share <= 0.0:
-        return f"{said} {DIAGNOSED['hint'].format(data=data)}"
+        return f"{said} {DIAGNOSED['hint'].format(data=data)}{logged}"
     axis = shrink.axis or e.axis or ""
     scale = scale_of(signal, rotary_axes(d).get(axis, False), shrink.before)
     others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
     falls = DIAGNOSED["falls"].format(
-        modelled=DIAGNOSED["alone" if others else "modelled"],
+        modelled=DIAGNOSED[
+            "all" if signal == "e" and len(d.effects) > 1 else "alone" if others else "modelled"
+        ],
         residual=DIAGNOSED["residual" if signal == "u" else "signal"].format(signal=SIGNALS[signal])
         + ("" if axis == e.axis else f" of {axis}"),
         before=display.number(shrink.before * scale.factor),
         after=scale.text(shrink.after),
         data=data,
     )
-    return f"{said} {falls}"
+    return f"{said} {falls}{logged}"
+
+
+PER = {"": (1.0, ""), "·s/m": (1e-3, " per mm/s"), "·s/rad": (math.pi / 180.0, " per °/s")}
+"""What follows the unit of the effort -> factor and words of the same beside the unit of the log."""
+
+
+def _logged(d: Diagnosis, e: Found) -> str:
+    """Return the first number in the unit of the log, where the twin found what that is in N or N·m from masses."""
+    row = d.subject.quality.get("sizes", {}).get(e.axis) if isinstance(d.subject, Twin) else None
+    effort = "N·m" if rotary_axes(d).get(str(e.axis)) else "N"
+    rest = e.size[0].unit.removeprefix(effort) if e.size else "-"
+    if not row or rest not in PER or row["source"] != "URDF":
+        return ""
+    factor, per = PER[rest]
+    was, now = (display.number(x * factor / row["size"]) for x in (e.size[0].before, e.size[0].after))
+    same = {"of": row["unit"], "size": row["size"], "ends": row["interval95"], "effort": effort}
+    return DIAGNOSED["logged"].format(was=was, now=now, unit=row["unit"] + per, **same)
 
 
 def _position_gain(d: Diagnosis, e: Found) -> str:
@@ -131,21 +155,26 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         if word == "not judged" and axis not in d.remains:
             continue
         scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
-        times = g.rms / g.expected if g.expected else math.nan
+        times = g.rms / g.level if g.level else math.nan
         sizes = {"rms": scale.text(g.rms), "after": display.number(g.after * scale.factor), "times": times}
         looks = f" It {plain_sentence(why).removeprefix('it ')}." if why else ""
-        if word in DIAGNOSED:
-            out.append(DIAGNOSED[word].format(axis=axis, why=why, looks=looks, **sizes))
+        form = (
+            "pattern" if word == "not explained" and 0.0 < g.rms <= g.level else word
+        )  # its size is no sign
+        if form in DIAGNOSED:
+            out.append(DIAGNOSED[form].format(axis=axis, why=why, looks=looks, **sizes))
     return out
 
 
 def _errors(d: Diagnosis) -> list[str]:
-    """Return which tracking errors differ although the verdict is on the efforts, and no cause is named there."""
+    """Return which tracking errors differ although the effort of the axis agrees, or is explained."""
     told = {e.axis for e in d.effects}
     rows = [a for a, row in d.gap.items() if "e" in row and a not in told]
     worse = [a for a in rows if d.grade(a, "e") == "not explained"]
     axes = [a for a in worse if d.grade(a, "u") in ("agrees", "within misfit")]
-    return [DIAGNOSED["tracking"].format(axes=joined(axes))] if axes else []
+    left = [a for a in d.gap if a in told and "e" in d.gap[a] and d.grade(a, "e") in OPEN]
+    said = [("tracking left", left), ("tracking", axes)]
+    return [DIAGNOSED[word].format(axes=joined(names)) for word, names in said if names]
 
 
 def axis_cards(d: Diagnosis) -> Html:
@@ -166,7 +195,7 @@ def _state(d: Diagnosis, axis: str) -> tuple[str, str]:
 def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
     """Return words and colour of the state of every axis, the changed first; of many the others together."""
     order = ("changed", "cannot say", "unchanged")
-    rows = sorted(d.gap, key=lambda axis: order.index(d.state(axis)))
+    rows = sorted(dict.fromkeys([*d.gap, *rotary_axes(d)]), key=lambda axis: order.index(d.state(axis)))
     said = [(f"{axis} {word}", kind) for axis in rows[:most] for word, kind in [_state(d, axis)]]
     return said + ([(f"{len(rows) - most} more", "")] if len(rows) > most else [])
 
@@ -174,18 +203,16 @@ def states(d: Diagnosis, most: int = 12) -> list[tuple[str, str]]:
 def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
     g, word = d.gap[axis][signal], d.grade(axis, signal)
     scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
-    now = (
-        f"{display.number(g.rms * scale.factor)} → {scale.text(g.after)}"
-        if word in ACTS
-        else scale.text(g.rms)
-    )
+    now = scale.text(g.rms)
+    if word in ACTS or (signal == "e" and g.after < g.rms):
+        now = f"{display.number(g.rms * scale.factor)} → {scale.text(g.after)}"
     beside = [printed(word), f"{display.percent(g.nrmse)} of the signal"]
     if g.noise > 0.0:
-        beside.append(f"noise {display.number(g.noise * scale.factor)}")
+        beside.append(f"noise {scale.text(g.noise)}")
     if g.misfit == g.misfit:
         beside.append(f"validation error {scale.text(g.misfit)}")
-    if g.expected > g.misfit:
-        beside.append(f"expected here {scale.text(g.expected)}")
+    if g.level > g.misfit and scale.text(g.level) != scale.text(g.misfit):
+        beside.append(f"expected here {scale.text(g.level)}")
     name, small = SIGNALS.get(signal, signal), signal != "u"
     return Tile(name, now, " · ".join(beside), hint=MEANING[word], small=small)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from pinotwin.diagnosis.grade import OPEN, left_anyway
-from pinotwin.diagnosis.phrases import label_words, on_axis
+from pinotwin.diagnosis.grade import OPEN
+from pinotwin.diagnosis.phrases import label_words, on_axis, rivals
 from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.report.blocks import Plot
@@ -16,10 +17,8 @@ from pinotwin.report.diagnosis_plots import blocks, shown
 from pinotwin.report.diagnosis_verdict import event, rotary_axes
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
-from pinotwin.system.phrases import SCREEN, SIGNALS, joined
+from pinotwin.system.phrases import OTHERWISE, SCREEN, SIGNALS, joined
 from pinotwin.twin import Twin
-
-CHANCE = ("none", "unknown")  # alternatives that are no cause
 
 
 def how_sure(d: Diagnosis) -> list[str]:
@@ -34,13 +33,13 @@ def how_sure(d: Diagnosis) -> list[str]:
         alike = [x for g in d.confusable if set(labels) & {*g} for x in g if x not in labels]
         if alike:
             said += SCREEN["alike"].format(others=joined([*map(label_words, alike)]))
-        rivals = [
-            a for a in e.alternatives if a["effect"] not in (*(x.rpartition(".")[2] for x in alike), *CHANCE)
-        ]
-        best = max(rivals, key=lambda a: float(a.get("probability", 0.0)), default={})
-        if best.get("probability", 0.0) >= 0.005:  # what rounds to 1 %
-            rival = on_axis(str(best["effect"]), best.get("axis"))
-            said += SCREEN["rival"].format(rival=rival, chance=best["probability"])
+        told = {*(x.rpartition(".")[2] for x in alike), *OTHERWISE}
+        others = rivals(
+            replace(e, alternatives=[a for a in e.alternatives if a["effect"] not in told]), d.effects
+        )
+        rival, (chance, _) = max(others.items(), key=lambda x: x[1][0], default=("", (0.0, "")))
+        if chance >= 0.005:  # what rounds to 1 %
+            said += SCREEN["rival"].format(rival=rival, chance=chance)
         out.append(f"{said}.")
     return out or _held_against(d)
 
@@ -53,7 +52,7 @@ def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
     out = []
     for axis, signal, g in still[:most] or sorted(efforts, key=lambda row: _over(row[2]))[-1:]:
         scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
-        level = left_anyway(g.noise, g.expected)
+        level = g.level
         form = "unjudged" if not level else "open" if still else "agrees"
         given = {"axis": axis, "signal": SIGNALS[signal], "rms": scale.text(g.rms)}
         out.append(SCREEN[form].format(**given, expected=scale.text(level)))
@@ -62,7 +61,7 @@ def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
 
 def _over(gap: Gap) -> float:
     """Return a residual over what is expected of it, of a machine over its effort."""
-    return gap.rms / gap.expected if gap.expected > 0.0 else gap.nrmse
+    return gap.rms / gap.level if gap.level > 0.0 else gap.nrmse
 
 
 def which_data(d: Diagnosis) -> str:

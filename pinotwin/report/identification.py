@@ -26,7 +26,7 @@ from pinotwin.report.verdict import axis_tiles, bodies, cautions, headline, know
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
 from pinotwin.studies.improvement import Improvement, ratio
 from pinotwin.studies.overlay import KINDS, effect_keys_of, explained, overlay
-from pinotwin.system.phrases import IMPROVED, joined
+from pinotwin.system.phrases import IMPROVED
 from pinotwin.twin import Twin
 
 
@@ -78,9 +78,7 @@ def steps_blocks(found: Improvement) -> list[Block]:
     kept = [step for step in found.steps if step.kept]
     added = [text for step in kept for text in step.added]
     falls = ratio(found.steps[0].errors, kept[-1].errors)
-    said = IMPROVED["added" if added else "none"].format(
-        added=joined(added or [""]), ratio=falls, end=found.end
-    )
+    said = IMPROVED["added" if added else "none"].format(added="; ".join(added), ratio=falls, end=found.end)
     lines = [f"Step {k}: {text}." for k, step in enumerate(found.steps) for text in step.added]
     lines += [f"End: {found.end}."] if added else []
     rows = table(found.head(), found.rows(), numeric=range(1, len(found.head())))

@@ -19,7 +19,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.reconstruction import Vibration
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
-from pinotwin.report.diagnosis_plots import gap_figure, shrink_figure
+from pinotwin.report.diagnosis_plots import gap_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
 from pinotwin.report.effort_plots import effort_figure
 from pinotwin.report.identification import identification_report
@@ -118,9 +118,6 @@ def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
     for name in wanted:
         if name in shown:
             return gap_figure(shown[name], rotary.get(name, False))
-    for name in wanted:
-        for signal, gap in found.gap.get(name, {}).items():
-            return shrink_figure(gap, signal, rotary.get(name, False), acts=bool(found.effects))
     raise InputError(f"nothing to draw of {', '.join(wanted) or 'this diagnosis'}")
 
 

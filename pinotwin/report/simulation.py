@@ -112,8 +112,8 @@ def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], st
 
     columns: dict[str, Column] = {
         "of the RMS": lambda axis, s, row: share(row["nrmse"]),
-        "moving": lambda axis, s, row: share(row["moving"]),
         "at rest": lambda axis, s, row: share(row["resting"]),
+        "moving": lambda axis, s, row: share(row["moving"]),
         "expected": lambda axis, s, row: share(expected_error(twin, axis, s, form)),
         "grade": lambda axis, s, row: chip(printed(grades[axis, s]), *GRADES[grades[axis, s]]),
     }

@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
 from pinotwin.diagnosis.conclusion.provenance import made_of
+from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.effects import AxisEffect
 from pinotwin.errors import DataError, InputError, require
 from pinotwin.identification import identify
@@ -221,6 +222,8 @@ def _title(kind: str) -> str:
 
 def _cell(title: str, cell: object) -> str:
     """Return a cell as it stands on the page: a share in per cent."""
+    if title == "effect":
+        return effect_words(str(cell))
     share = isinstance(cell, float) and title.endswith(("fitted", "held out", "of std", "share"))
     return percent(float(str(cell))) if share else _short(cell)
 

@@ -6,6 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from pinotwin.diagnosis.phrases import effect_words
+from pinotwin.report.diagnosis_plots import blocks
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import (
     ACCENT,
@@ -13,6 +15,7 @@ from pinotwin.report.figures import (
     RESIDUAL,
     Line,
     Panel,
+    broken,
     dots,
     line,
     over_time,
@@ -22,6 +25,7 @@ from pinotwin.report.figures import (
     visible_rows,
 )
 from pinotwin.studies.study import Study
+from pinotwin.system.phrases import joined
 
 
 def overlay_figure(given: Study) -> go.Figure:
@@ -47,11 +51,11 @@ def removal_figure(given: Study) -> go.Figure:
     """Return measured effort, and predictions with and without some effects, over time."""
     lines = [
         Line("measured", given["measured"], MEASURED),
-        Line(f"without {', '.join(given.effects)}", given["without"], RESIDUAL),
+        Line(f"without {joined([*map(effect_words, given.effects)])}", given["without"], RESIDUAL),
         Line("all effects", given["complete"], ACCENT),
     ]
     scale = scale_of("u", given.rotary, given["measured"])
-    return over_time(given["t"], [Panel(given.axis, lines, scale)], 330)
+    return over_time(given["t"], [Panel(given.axis, lines, scale)], 330, block=blocks(given["t"]))
 
 
 def amount_figure(given: Study) -> go.Figure:
@@ -62,7 +66,7 @@ def amount_figure(given: Study) -> go.Figure:
         (fitted, "on the data fitted", MEASURED, "dot"),
         (held_out, "on held-out data", ACCENT, None),
     ):
-        trace = line(seconds, 100.0 * y, name, colour, width=2, unit="%")
+        trace = line(seconds, 100.0 * np.where(y <= 1.0, y, np.nan), name, colour, width=2, unit="%")
         figure.add_trace(trace.update(mode="lines+markers", line_dash=dash))
     style(figure, 330, x="length of the data fitted [s]", y="error norm / effort norm [%]")
     figure.update_xaxes(rangemode="tozero")
@@ -87,13 +91,14 @@ def coupling_figure(given: Study) -> go.Figure:
     u, lost = given["u"], decoupled[names.index(given.axis)]
     rows = visible_rows([u, given["coupled"]])
     scale = scale_of("u", given.rotary, u)
-    t = given["t"][rows] - given["t"][0]
+    t = given["t"] - given["t"][0]
     for y, name, colour in (
         (u, "measured", MEASURED),
         *[(given["decoupled"], "decoupled", RESIDUAL)] * (float(lost) <= 1.0),  # type: ignore[arg-type]
         (given["coupled"], "coupled", ACCENT),
     ):
-        trace = line(t, scale(y[rows]), name, colour, legend=name == "measured", unit=scale.unit)
+        at, y = broken(rows, blocks(given["t"]), t, scale(y))
+        trace = line(at, y, name, colour, legend=name == "measured", unit=scale.unit)
         figure.add_trace(trace, row=1, col=2)
     style(figure, 380)
     figure.update_layout(barmode="group", margin_t=64, legend_y=1.1)

@@ -111,6 +111,8 @@ def bodies(twin: Twin) -> tuple[tuple[str, ...], list[list[str]], list[str]]:
         mass = f"{row['mass']:.3g}{half}"
         rows.append([row["joint"], mass, given, f"{row['share']:.2f}", words[row["source"]]])
     price = twin.quality.get("consistency") or {}
-    of = {"unseen_over_free": "of a fit without bodies", "unseen_over_best": "at the best weight"}
-    said = [f"error on held-out rows: {price[k]:.3f} of that {of[k]}" for k in of if price.get(k)]
+    of = {"unseen_over_free": "of an unconstrained fit", "unseen_over_best": "at the best weight of the URDF"}
+    said = [
+        f"held-out error with these bodies: {price[k]:.3f} times that {of[k]}" for k in of if price.get(k)
+    ]
     return ("body", "mass [kg]", "in the URDF", "share of the URDF", "known from"), rows, said

@@ -11,8 +11,7 @@ BEYOND = {
 
 LOG = {  # what `check` says of a log: code -> sentence
     # the clock
-    "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in "
-    "machine.yaml",
+    "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in machine.yaml",
     "clock_holes": "{count} stamps are missing; the log is cut there",
     "clock_stands": "{why}",
     "clock_unit": "{why}",
@@ -82,20 +81,16 @@ LOG = {  # what `check` says of a log: code -> sentence
     "effort_lead": "effort {how} the position by about {usual:.1f} ms (by axis: {each}): the channels are "
     "not taken at the same instant; `identify` finds such a lead and says so, or state it in machine.yaml "
     "(axes.{axis}: `lead: {lead:.1f} ms`)",
-    "loop_unstable": "swings {rate:.0f} times a second between its largest efforts either way, unasked by "
-    "the command: its loop is unstable; lower its gains, or leave those seconds out (data: leave_out in "
-    "machine.yaml)",
+    "loop_unstable": "swings {rate:.0f} times a second between its largest efforts either way, unasked by the command: "
+    "its loop is unstable; lower its gains, or leave those seconds out (data: leave_out in machine.yaml)",
     "loop_hunts": "swings by {size:.3g} {unit} either way at {rate:.3g} Hz about a command that stands, from "
     "{start:.4g} to {end:.4g} s, {total:.3g} s in all: its loop hunts; lower its gains, look for play and for "
     "an integrator against dry friction, or leave those seconds out (data: leave_out in machine.yaml)",
-    "command_is_position": "holds the same numbers as {axis}.qr: a command was logged twice; map the "
-    "measured position",
-    "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both "
-    "units",
+    "command_is_position": "holds the same numbers as {axis}.qr: a command was logged twice; map the measured position",
+    "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both units",
     "command_late": "comes {ms:.3g} ms ({rows} rows) late: the controller acts on it before it is in the log; log "
     "command and position of one instant",
-    "command_disagrees": "command and position do not agree{times}; another unit, sign or axis? check "
-    "columns",
+    "command_disagrees": "command and position do not agree{times}; another unit, sign or axis? check columns",
     "position_scale": "goes {factor:.4g} times as far as its command, where it rests: another gear, lead or "
     "unit? set factor under columns in machine.yaml",
     "load_constant": "is constant: no encoder at the load? drop it from columns",
@@ -184,9 +179,9 @@ SIMULATED = {  # what the page of `simulate` says first
 DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is said of an axis with it
     "agree_change": "Log and twin agree: no change found.",
     "agree_structure": "Log and model agree: no missing effect found.",
-    "unsure": "Log and model differ on {where}; no cause is certain enough to be named.",
-    "unknown": "Log and model differ on {where}, and no known effect explains the residual.",
-    "unjudged": "No change found; of {where} these logs and this model cannot tell.",
+    "unsure": "Log and {reference} differ on {where}; no cause is certain enough to be named.",
+    "unknown": "Log and {reference} differ on {where}, and no known effect explains the residual.",
+    "unjudged": "No change found; {where} cannot be judged from these logs.",
     "also": "Also found: {others}.",
     "possible": "Possible, but not sure: {names}.",
     "missing": "is missing from the model",
@@ -196,24 +191,30 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "residual": "the residual",
     "signal": "the residual of the {signal}",
     "alone": "With it alone modelled",
+    "all": "With all causes modelled",
     "modelled": "With it modelled",
     "not explained": "{axis}: no named cause explains the residual of {rms} RMS.{looks}",
+    "pattern": "{axis}: the residual of {rms} RMS is no larger than expected, but healthy logs have no such pattern."
+    "{looks}",
     "partly explained": "{axis}: {after} of {rms} RMS remain unexplained.{looks}",
     "not judged": "Axis {axis} is not judged: {why}.",
     "above misfit": "{axis}: the residual is {times:.2g} times the twin's expected error. Watch it.",
     "recording": "The recording is at fault: {faults}. Repair it and diagnose again; no cause is named before that.",
-    "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
-    "No cause was searched for there.",
+    "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees; no "
+    "cause of that is known.",
+    "tracking left": "This does not explain the tracking error of {axes}.",
+    "again": " and at other times",
+    "logged": " In the log's unit: {was} to {now} {unit}. By the URDF's masses 1 {of} is {size:.3g} {effort} "
+    "({ends[0]:.3g} to {ends[1]:.3g}); a weighed mass or the factor would settle it.",
 }
 
 CHANGED = {"times": "to {after} times its value", "from": "from {before} to {after}"}
-"""How far the number of a cause moved."""
 
 SCREEN = {
     "sure": "{sure:.0%} for {cause}",
     "rival": "; next: {rival}, {chance:.0%}",
     "alike": " or what looks alike in this motion: {others}",
-    "agrees": "The largest residual for what is expected is that of {axis}: {rms} RMS, {expected} expected.",
+    "agrees": "Relative to what is expected, {axis} deviates most: {rms} RMS, {expected} expected.",
     "open": "{axis}: residual of the {signal} {rms} RMS, {expected} expected; no cause is sure enough to be named.",
     "unjudged": "{axis}: residual of the {signal} {rms} RMS; what to expect is not known.",
     "logs": "{logs}{valid}; compared with {reference}.",
@@ -233,6 +234,8 @@ STATES = {
 }
 """Situation -> state of an axis -> the words that people read."""
 
+OTHERWISE = {"none": "chance", "unknown": "a cause in no catalogue"}  # alternatives of a cause
+
 DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
     "title": "State of every axis",
     "left": "A residual without a named cause: {logs}.",
@@ -240,6 +243,8 @@ DAYS = {  # what the page of ``diagnose --each`` says of the logs of a twin
     "changed": "Changed in {count} of {logs} logs.",
     "since": "{what}: in every log from {log} on.",
     "some": "{what}: in {count} of {logs} logs, first in {log}.",
+    "once": "{what}: in {log} alone.",
+    "unsaid": "Cannot be judged: {logs}.",
     "lost": "Not diagnosed: {logs}.",
     "numbers": "Numbers that moved",
     "bars": "Bars: 90 % interval. A log without a mark does not show the cause.",
@@ -254,10 +259,10 @@ LACKING_DAYS = {  # the same of the logs of a machine, where it is another
 MEANING: dict[str, str] = {  # grade of a residual -> what it says
     "agrees": "the residual is no larger than the noise",
     "within misfit": "above the noise, but no larger than the twin's expected error",
-    "above misfit": "somewhat above the twin's expected error, too little to search for a cause",
+    "above misfit": "above the twin's expected error, too little to search for a cause",
     "gap explained": "the named causes reduce the residual to noise and validation error",
     "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
-    "not explained": "above the validation error, and no named cause explains it",
+    "not explained": "unlike the residual of healthy logs, and no named cause explains it",
     "not judged": "no noise level or validation error to compare the residual with",
 }
 
@@ -268,7 +273,13 @@ PRINTED = {  # code of a grade -> the words that people read, where they are oth
     "gap explained": "explained",
 }
 
-SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
+SIGNALS = {
+    "u": "motor effort",
+    "e": "tracking error",
+    "v": "vibration",
+    "ql": "motor against load",
+    "law": "controller's law",
+}
 """Signal -> its name."""
 
 KINDS = {  # kind of region -> its name in a table
@@ -298,6 +309,7 @@ NUMBERS = {  # name of a number -> what it is
     "viscous.b": "friction coefficient",
     "viscous_asymmetric.b_plus": "friction coefficient forward",
     "viscous_asymmetric.b_minus": "friction coefficient backward",
+    "viscous_thermal.b": "friction coefficient when cold",
     "viscous_thermal.b_warm": "friction coefficient lost by warming",
     "coulomb.c": "dry friction",
     "coulomb_asymmetric.c_plus": "dry friction forward",
@@ -358,7 +370,7 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-CAUSES = {
+CAUSES = {  # cause that is no effect of a machine file -> title, what it is, and what to do
     "friction_scale": (
         "Friction",
         "all friction of the axis is larger or smaller by one factor",
@@ -403,9 +415,8 @@ CAUSES = {
     "clock_scale": ("Clock at another rate", "", "record the time stamps of the controller"),
     "effort_of_another_run": ("Effort of another run", "", "record the effort with the same trigger"),
     "rows_lost": ("Rows lost", "", "raise the logger's buffer, or log fewer channels"),
-    "rows_held": ("Rows held", "", "log at the rate of the measurements"),
+    "rows_held": ("Measurements held for several rows", "", "log at the rate of the measurements"),
     "interpolated": ("Lines through a slower log", "", "export the log as it was measured"),
     "frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
     "effort_frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
 }
-"""Cause that is no effect of a machine file -> title, what it is, and what to do."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.diagnosis.conclusion.sizes import place_of
+from pinotwin.diagnosis.conclusion.where import along
 from pinotwin.diagnosis.grade import Grade
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.dynamics.parameters import joint_axis
@@ -52,6 +53,8 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
 
 def shade(found: Diagnosis, axis: str) -> Colour:
     """Return the colour of an axis: of what is open or near it, of what changed, else grey."""
+    if found.state(axis) == "cannot say":
+        return GREY
     changed = COLOURS["gap explained"] if found.state(axis) == "changed" else GREY
     graded = found.grade(axis, "u") if "u" in found.gap.get(axis, {}) else "not judged"
     return COLOURS.get(graded, changed)
@@ -62,7 +65,9 @@ def mark(drawn: Scene, found: Diagnosis, machine: Machine) -> None:
     size = diagonal(corners(drawn.model, drawn.visual, drawn.q))
     for e in found.effects:
         axis = machine.axes.get(str(e.axis))
-        place = place_of(e)
+        place, region = place_of(e), along(e, found.where)
+        if region is not None:
+            place = sum(region.range) / 2.0
         if axis is not None and place is not None:
             place_mark(drawn, axis.joint, place, 0.02 * size)
         elif axis is not None and e.effect == "external_force" and e.size:

@@ -108,6 +108,7 @@ def interval_text(size: Size, digits: int = 4) -> str:
     low, high = in_shown_unit(size).interval
     if np.isnan(low) or np.isnan(high):
         return "–"
+    digits = next((k for k in range(digits, 7) if f"{low:.{k}g}" != f"{high:.{k}g}"), digits)
     return f"{low:.{digits}g} to {high:.{digits}g}" if np.isfinite(high) else f"{low:.{digits}g} and more"
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
-from pinotwin.diagnosis.result import Region
+from pinotwin.diagnosis.result import Found, Region
 from pinotwin.motion import Motion
 
 SHIFTS = 99
@@ -132,4 +132,11 @@ def telling(regions: Sequence[Region], axes: Sequence[str]) -> list[Region]:
         band = r.kind == "frequency"
         return place, band and r.range[0] == 0.0, band, -(r.share - r.time_share)
 
-    return sorted(regions, key=rank)
+    once = {(r.axis, r.signal, r.kind, r.range): r for r in reversed(regions)}  # repeats show it twice
+    return sorted(reversed(once.values()), key=rank)
+
+
+def along(found: Found, regions: Sequence[Region]) -> Region | None:
+    """Return the place along the travel at which an effort appeared; None for another cause."""
+    at = (r for r in regions if r.kind == "position" and r.axis == found.axis)
+    return next(at, None) if found.effect == "position_table" and len(found.size) == 1 else None
