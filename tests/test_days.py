@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.days.courses import onset
+from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
 from pinotwin.diagnosis.days.judge import _named, evidence
 from pinotwin.diagnosis.days.law import Law
@@ -121,6 +122,31 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
         plain = [r.score for r in rows if r.group not in ("recording", "limit")]
         assert len(plain) > 5
         assert max(plain) <= 1e-9
+
+
+@pytest.mark.parametrize("when", [[(5.0, 9.0)], [(1.5, 3.5), (6.0, 7.5)], [(0.0, 9.0)]])
+def test_when_a_cause_acts_is_told_by_its_own_columns(
+    known_days: Reference, when: list[tuple[float, float]]
+) -> None:
+    s = known_days.logs[0]
+    c = s.axes["X"]
+    on = np.any([(s.t >= a) & (s.t < b) for a, b in when], axis=0)
+    log = replace(s, axes={**s.axes, "X": {**c, "left": c["left"] + 1.5 * c["dry"] * on}})
+    row = Row("friction_since", "X", "onset", 0.0, {}, 0.0, 1, 1.0, 0.1, 10.0, 0.2, [0.0], 1.0, 9.0)
+    found = spells(known_days, [log], ("X", "plant"), row)
+    if when == [(0.0, 9.0)]:
+        assert found == []  # it always acts
+        return
+    assert [k for k, _, _ in found] == [0] * len(when)
+    for (_, a, b), (begin, end) in zip(found, when, strict=True):
+        assert a == pytest.approx(begin, abs=0.3)
+        assert b == pytest.approx(end, abs=0.3)
+
+
+def test_a_change_that_no_row_tells_is_in_the_middle_of_them() -> None:
+    told = np.r_[np.full(50, -1.0), np.zeros(100), np.full(50, 1.0)]
+    assert np.flatnonzero(acting(told, 8.0))[0] == pytest.approx(100, abs=1)
+    assert not acting(np.r_[-np.ones(50), np.full(5, 1.0), -np.ones(50)], 8.0).any()  # not worth its price
 
 
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:

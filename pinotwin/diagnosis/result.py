@@ -294,18 +294,10 @@ class Diagnosis(Drawn):
 
     def _shown(self) -> Shown:
         """Return title, columns, rows and a note for a notebook and for ``repr``."""
-        rows = [
-            (
-                f"{a}.{s}",
-                f"{g.rms:.4g}",
-                f"{g.after:.4g}",
-                f"{g.misfit:.3g}",
-                f"{g.noise:.3g}",
-                printed(self.grade(a, s)),
-            )
-            for a, row in self.gap.items()
-            for s, g in row.items()
-        ]
+        rows = []
+        for a, s, g in [(a, s, g) for a, row in self.gap.items() for s, g in row.items()]:
+            numbers = f"{g.rms:.4g}", f"{g.after:.4g}", f"{g.misfit:.3g}", f"{g.noise:.3g}"
+            rows.append((f"{a}.{s}", *numbers, printed(self.grade(a, s))))
         columns = ("RMS, SI", "residual", "with causes", "validation", "noise", "grade")
         return f"Diagnosis of {self.machine}: {self.verdict}", columns, rows, self.sentence
 

@@ -32,14 +32,8 @@ def told(sizes: Sequence[Size]) -> list[Size]:
 
 def _factor(share: Size) -> Size:
     """Return the factor on an effort from its error; below zero the effort has the other sign."""
-    low, high = share.interval
-    return replace(
-        share,
-        name="effort_scale.factor",
-        before=1.0 + share.before,
-        after=1.0 + share.after,
-        interval=(1.0 + low, 1.0 + high),
-    )
+    low, high, before, after = (1.0 + x for x in (*share.interval, share.before, share.after))
+    return replace(share, name="effort_scale.factor", before=before, after=after, interval=(low, high))
 
 
 def _amplitude(a: Size, b: Size) -> Size:

@@ -39,11 +39,8 @@ def judge(
     rules: Rules = RULES,
 ) -> Judgement:
     """Return the verdict on a comparison."""
-    patterns = {
-        c.machine.names[s.chosen.joint]: s.chosen.effect.says()
-        for s in found.steps
-        if isinstance(s.chosen.effect, Pattern)
-    }
+    seen = [(s.chosen.joint, s.chosen.effect) for s in found.steps]
+    patterns = {c.machine.names[j]: e.says() for j, e in seen if isinstance(e, Pattern)}
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
     open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"], rules)}
     told = {axis for e in effects for axis in _axes(e)}
@@ -116,11 +113,8 @@ def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
     for axis in [x for x in c.gate.nameless if x not in told]:
         spoilt.setdefault(c.gate.nameless[axis].partition("; ")[0].partition(": ")[0], []).append(axis)
     out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
-    out += [
-        f"{axis} does not follow its command: check the unit, sign and axis of the command"
-        for axis in c.gate.strays
-        if axis not in told and not c.gate.asks("tracking", axis)
-    ]
+    astray = [x for x in c.gate.strays if x not in told and not c.gate.asks("tracking", x)]
+    out += [f"{x} does not follow its command: check the unit, sign and axis of the command" for x in astray]
     barred = {axis: row for axis, row in c.gate.effects.items() if axis not in c.gate.nameless}
     if barred:
         names = list(dict.fromkeys(name for row in barred.values() for name in row))

@@ -410,10 +410,6 @@ def _kept(s: Sample, keep: Mapping[int, Mask]) -> Sample:
             left[np.flatnonzero(mask)[~keep[joint]]] = False
         kept.append(left)
     every = {j: keep.get(j, np.ones(len(s.residual[j]), dtype=bool)) for j in s.joints}
-    return replace(
-        s,
-        rows=replace(s.rows, kept=tuple(kept)),
-        residual={j: x[every[j]] for j, x in s.residual.items()},
-        effort={j: x[every[j]] for j, x in s.effort.items()},
-        block={j: x[every[j]] for j, x in s.block.items()},
-    )
+    residual, effort = ({j: x[every[j]] for j, x in each.items()} for each in (s.residual, s.effort))
+    block = {j: x[every[j]] for j, x in s.block.items()}
+    return replace(s, rows=replace(s.rows, kept=tuple(kept)), residual=residual, effort=effort, block=block)

@@ -59,20 +59,14 @@ class Sample:
     def columns(self, effect: Effect) -> dict[int, Floats]:
         """Return the columns of an effect at every joint that it acts on, each of shape (m, p)."""
         found = effect.columns(self.motion)
-        return {
-            joint: self.picked(found.values[:, at, :], joint)
-            for at, joint in enumerate(found.joints)
-            if joint in self.joints
-        }
+        at = {joint: k for k, joint in enumerate(found.joints) if joint in self.joints}
+        return {joint: self.picked(found.values[:, k, :], joint) for joint, k in at.items()}
 
     def screened(self, effect: Effect) -> dict[int, Floats]:
         """Return the columns of an effect computed on the thinned motion itself: near, and much faster."""
         found = effect.columns(self.coarse)
-        return {
-            joint: found.values[self.rows.kept[self.rows.joints.index(joint)], at, :]
-            for at, joint in enumerate(found.joints)
-            if joint in self.joints
-        }
+        at = {joint: k for k, joint in enumerate(found.joints) if joint in self.joints}
+        return {j: found.values[self.rows.kept[self.rows.joints.index(j)], k, :] for j, k in at.items()}
 
     @cached_property
     def coarse(self) -> Motion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.days.causes import Place, axis_of, described, effect_of, follows, regions, sizes
 from pinotwin.diagnosis.days.changed import changed
+from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.mechanisms import GROUPS
@@ -29,7 +30,7 @@ from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
-from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Shrink, Traces, Verdict, shrunk
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
@@ -37,6 +38,8 @@ from pinotwin.effects.scene import with_model_effort
 from pinotwin.motion import Motion
 from pinotwin.signals import joined, rms
 
+BEGINS = ("friction_since", "friction_at_start", "zero_since", "limit", "")
+"""Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
 PROOFS = ("rows_lost", "rows_held", "interpolated", "frozen", "effort_of_another_run")
 
 
@@ -59,11 +62,8 @@ class _Rows:
         """Return the rows of some logs."""
         motions = [with_model_effort(m, r.twin.effects, r.twin.theta) for m in motions]
         lefts = [m.u - r.twin.effort(m) for m in motions]
-        found = [
-            s
-            for k, (m, x) in enumerate(zip(motions, lefts, strict=True))
-            for s in stretches(r.twin, m, x, k, r.axes, r.top)
-        ]
+        pairs = enumerate(zip(motions, lefts, strict=True))
+        found = [s for k, (m, x) in pairs for s in stretches(r.twin, m, x, k, r.axes, r.top)]
         starts = [0, *accumulate(len(m) for m in motions)]
         return cls(Motion.join(motions), np.concatenate(lefts), starts, found)
 
@@ -88,7 +88,7 @@ class Answer:
         self.named = [x for x in judged.named if x.row.group != "recording"]
         self.proofs = _proofs(c)
         self.closed = {k: self._closed(k) for k in r.axes}
-        self.together = {k: _sum([x for _, x in each]) for k, each in self.closed.items() if each}
+        self.together = {k: reduce(Closed.beside, [x for _, x in y]) for k, y in self.closed.items() if y}
         self.noise, self.kind = noise_levels(c)
         index = {c.machine.names.index(k): x for k, x in self.together.items()}
         self.gaps = {**gap_table(c, index, self.noise), **self.unjudged}
@@ -163,7 +163,7 @@ class Answer:
         shrink: dict[str, Shrink] = {"u": acts[axis]} if axis in acts else {}
         if row.group == "law" or row.name == "limit":
             shrink["law"] = self._law(row, axis)
-        if (axis, "encoders") in self.between and "encoders" in row.acts.get(axis, [{}])[0]:
+        if (axis, "encoders") in self.between and id(x) in self.between[axis, "encoders"][1]:
             shrink["ql"] = self.between[axis, "encoders"][1][id(x)]
         told = sizes(row, at)
         theta = {s.name.partition(".")[2] or s.name: s.after for s in told}
@@ -193,13 +193,9 @@ class Answer:
 
     def _rival(self, row: Row, p: float) -> dict[str, Any]:
         axis = axis_of(row, self.r)
-        return {
-            "effect": effect_of(row.name),
-            "axis": axis,
-            "probability": p,
-            "share": float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0)),
-            "why": f"its score is {row.score:.0f}, in natural logarithms of likelihood",
-        }
+        share = float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0))
+        why = f"its score is {row.score:.0f}, in natural logarithms of likelihood"
+        return {"effect": effect_of(row.name), "axis": axis, "probability": p, "share": share, "why": why}
 
     def _law(self, row: Row, axis: str) -> Shrink:
         """Return how far the residual of the controller's law shrinks."""
@@ -250,13 +246,10 @@ class Answer:
             j = self.c.machine.names.index(name)
             after = self.new.left[:, j] - sum((self.new.course(x.row, name) for x in self.named), np.zeros(1))
             at = judged_rows(self.new.motion, j)
-            for k, part in enumerate(joined(self.new.motion.t[at])):
+            t, before, after = self.new.motion.t[at], self.new.left[at, j], after[at]
+            for k, part in enumerate(joined(t)):
                 log = self.c.kept[k] if k < len(self.c.kept) else k
-                out.append(
-                    Traces(
-                        name, log, self.new.motion.t[at][part], self.new.left[at, j][part], after[at][part]
-                    )
-                )
+                out.append(Traces(name, log, t[part], before[part], after[part]))
         return out
 
     def remains(self) -> dict[str, str]:
@@ -269,22 +262,44 @@ class Answer:
             out[axis_of(x.row, self.r)] = f"the recording: {effect_words(x.row.name)}"
         return {**out, **self.c.gate.nameless, **self.c.gate.silent}
 
+    def where(self) -> list[Region]:
+        """Return where and when each cause acts; without a sure name the possible one, else what is open."""
+        rows, out = [x.row for x in self.named or self.judged.possible], list[Region]()
+        if not rows and self.judged.unknown:
+            axis, equation, row = self._worst()
+            group = {"encoders": "encoder"}.get(equation, equation)
+            none = Row("", axis, group, 0.0, {}, 0.0, 0, 0.0, 0.0, 0.0, 0.0, [], 0.0, 0.0, what=equation)
+            rows = [row or none]
+        for row in rows:
+            at = Place(self.r, axis_of(row, self.r), self.new.stretches)
+            if row.name in BEGINS or row.what in ("time", "dry time"):
+                key = (at.axis, {"limit": "law", "": row.what}.get(row.name, "plant"))
+                spans = spells(self.r, at.logs, key, row, [x.row for x in self.named if x.row is not row])
+                out += regions(replace(row, name="", spans=spans, since=(), place=None), at)
+                row = replace(row, since=() if spans or row.name == "limit" else row.since)
+            out += regions(row, at)
+        return out
+
+    def _worst(self) -> tuple[str, str, Row | None]:
+        """Return axis and equation of what no cause explains, and its description where it has one."""
+        row, worst = self.judged.described, max(self.judged.open, key=lambda k: self.judged.open[k])
+        return (row.axis, "plant", row) if row is not None and worst[1] == "plant" else (*worst, None)
+
     def recording(self) -> list[dict[str, Any]]:
         """Return the faults of the recording, what `check` proves first."""
-        out: list[tuple[str, str, float | None, float]] = [(f, a, None, 1.0) for f, a in self.proofs]
-        out += [
-            (x.row.name, x.row.axis.replace(ALL, ""), _finite(x.row.theta), x.probability)
-            for x in self.recorded
+        out = [(f, a, np.nan, 1.0) for f, a in self.proofs]
+        out += [(x.row.name, x.row.axis.replace(ALL, ""), x.row.theta, x.probability) for x in self.recorded]
+        return [
+            {"fault": f, "axis": a or None, "number": n if np.isfinite(n) else None, "confidence": p}
+            for f, a, n, p in out
         ]
-        return [{"fault": f, "axis": a or None, "number": n, "confidence": p} for f, a, n, p in out]
 
     def open(self) -> dict[str, dict[str, float]]:
         """Return axis -> signal -> share that stays [1], of what no cause explains though something has changed."""
         signals = {"plant": "u", "law": "e", "encoders": "ql"}
         out: dict[str, dict[str, float]] = {}
         if self.judged.unknown:
-            row, worst = self.judged.described, max(self.judged.open, key=lambda k: self.judged.open[k])
-            axis, equation = (row.axis, "plant") if row is not None and worst[1] == "plant" else worst
+            axis, equation, _ = self._worst()
             e = self.track.gaps.get(axis)
             kept = equation == "law" and e is not None and e.rms <= e.expected  # then its effort is off
             out[axis] = {"u" if kept else signals[equation]: 1.0}
@@ -319,17 +334,6 @@ class Answer:
 def _group(x: Named, r: Reference) -> list[str]:
     """Return the effects that these logs cannot tell apart, each with its axis: ``Y.coulomb``."""
     return list(dict.fromkeys(f"{axis_of(x.row, r)}.{effect_of(y.name)}" for y in (x.row, *x.alike)))
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _sum(parts: Sequence[Closed]) -> Closed:
-    total = parts[0]
-    for x in parts[1:]:
-        total = total.beside(x)
-    return total
 
 
 def _proofs(c: Comparison) -> list[tuple[str, str]]:
@@ -416,13 +420,12 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
         word = "unexplained" if opened else "none"
     only = [f"The other logs show none of it. Judged: {', '.join(differ)}"] if differ else []
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
-    where = [x for n in a.named for x in regions(n.row, Place(a.r, axis_of(n.row, a.r), a.new.stretches))]
     return Diagnosis(
         verdict=word,
         sentence=". ".join([*a.sentence(effects), *only, *unjudged(c, {str(e.axis) for e in effects})]),
         differs=list(differ),
         gap=gap,
-        where=where,
+        where=a.where(),
         effects=effects,
         possible=[a.told(x) for x in a.judged.possible],
         confusable=[x for n in a.named if len(x := _group(n, a.r)) > 1],

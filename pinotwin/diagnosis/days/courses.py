@@ -7,12 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Left
-from pinotwin.diagnosis.days.mechanisms import PLAY, Acts, after_starts, starts
+from pinotwin.diagnosis.days.mechanisms import PLAY, Acts, after_starts, starts, zeros
+from pinotwin.diagnosis.days.places import Span
 from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.row import Row
+from pinotwin.diagnosis.days.score import density
 from pinotwin.diagnosis.days.settings import SETTINGS
-from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.stretch import Stretch, combined
+from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.signals import rms, runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class Course:
 def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> dict[str, Course]:
     """Return what begins at an instant of each log or acts after starts, and the side of a play as a hidden state."""
     dry = [s.axes[name]["dry"] for s in logs]
-    found = {"friction_since": since(logs, dry, left, (name, "plant"))}
+    found = {"friction_since": since(logs, dry, left, (name, "plant"), r.whitenings[name, "plant"])}
     found["friction_at_start"] = _after_starts(r, logs, left, name)
     if (name, "encoders") in left[0]:
         step = [s.axes[name]["one"] * 1e-4 for s in logs]
@@ -42,12 +47,17 @@ def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: s
 
 
 def since(
-    logs: Sequence[Stretch], course: Sequence[Floats], left: Sequence[Left], key: tuple[str, str]
+    logs: Sequence[Stretch],
+    course: Sequence[Floats],
+    left: Sequence[Left],
+    key: tuple[str, str],
+    w: Whitening | None = None,
 ) -> Course | None:
-    """Return a cause, (n,) in each log, that begins at an instant; None of one that was there from the start."""
-    begin = [
-        onset(s, x, y[key], level=key[1] == "encoders") for s, x, y in zip(logs, course, left, strict=True)
-    ]
+    """Return a cause, (n,) in each log, since an instant, sought in what ``w`` whitens; None if from the start."""
+    pairs = [np.column_stack([x, y[key]]) for x, y in zip(course, left, strict=True)]
+    if w is not None:
+        pairs = [w(x) * settled(s.axes[key[0]]["moving"])[:, None] for s, x in zip(logs, pairs, strict=True)]
+    begin = [onset(s, *x.T, level=key[1] == "encoders") for s, x in zip(logs, pairs, strict=True)]
     if max(begin) <= 1.0:
         return None
     acts = [{key[1]: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)]
@@ -94,3 +104,74 @@ def _sides(r: Floats) -> Floats:
     raw = np.where(r > middle + half, -1.0, np.where(r < middle - half, 1.0, 0.0))
     seen = np.maximum.accumulate(np.where(raw != 0.0, np.arange(len(r)), 0))
     return np.where(raw[seen] == 0.0, 1.0, raw[seen])
+
+
+def spells(
+    r: Reference, logs: Sequence[Stretch], key: tuple[str, str], row: Row, found: Sequence[Row] = ()
+) -> list[Span]:
+    """Return when something acts, begin and end in the time of its stretch [s]; nothing of what acts all the time.
+
+    It acts with one size or not at all. Of all courses that come and go the most probable is taken, in which a change
+    costs what an instant costs; where no row tells, the change is in the middle of those rows.
+
+    Args:
+        r: healthy days.
+        logs: stretches in question.
+        key: axis and equation.
+        row: of the cause; without a name of what leaves more than a healthy day.
+        found: other causes, which are taken off first.
+    """
+    w, counts = r.whitenings[key], [s.axes[key[0]]["moving" if key[1] == "plant" else "one"] for s in logs]
+    left, known = r.left(logs, *key), row.name in ("limit", "")  # beyond a limit nothing is left
+    for f in [f for f in found if key[1] in f.acts.get(key[0], [{}])[0]]:
+        left = [y - combined(x[key[1]], f.numbers) for y, x in zip(left, f.acts[key[0]], strict=True)]
+    pairs = [
+        np.column_stack([y, _course(r, s, y, key, row, k)])
+        for k, (s, y) in enumerate(zip(logs, left, strict=True))
+    ]
+    white = [
+        (x if row.name == "limit" else w(x)) * settled(m)[:, None] / w.weight
+        for x, m in zip(pairs, counts, strict=True)
+    ]
+    Y, X = np.concatenate(white).T
+    acts, size, wide, one = np.ones(len(Y), dtype=bool), 1.0, 1.0, np.array(1.0 / w.spread)
+    for turn in range(8):
+        if not row.name:
+            wide = max(rms(Y[acts]), 1.0)
+        elif turn and not known:
+            size = float(X[acts] @ Y[acts] / max(X[acts] @ X[acts], 1e-300))
+        told = density(((Y - size * X) / wide) ** 2, one) - density(Y**2, one) - np.log(wide) / w.spread
+        before, each = acts, np.split(told, np.cumsum([len(x) for x in white])[:-1])
+        acts = np.concatenate(parts := [acting(x, SETTINGS.place) for x in each])
+        if not acts.any() or np.array_equal(acts, before):
+            break
+    rows = [(k, logs[k].t[at][counts[k][at] > 0.0]) for k, x in enumerate(parts) for at in runs(x)]
+    return [] if acts.all() else [(k, float(t[0]), float(t[-1])) for k, t in rows if len(t)]
+
+
+def _course(r: Reference, s: Stretch, left: Floats, key: tuple[str, str], row: Row, k: int) -> Floats:
+    """Return what a cause would do to its equation in a stretch, (n,), if it acted all the time."""
+    c, asked = s.axes[key[0]], s.axes[key[0]]["u"] - left
+    if not row.name:
+        return np.zeros(len(left))
+    if row.name == "limit":
+        return np.asarray(np.clip(asked, -row.theta, row.theta) - asked)
+    if row.name == "zero_since":
+        return zeros(r, s)[key[0]][key[0]] * row.theta
+    if row.group == "onset":
+        once = c["dry"] if row.name == "friction_since" else c["sg"] * r.widths[key[0]]["effort"]
+        return np.asarray(once * row.theta)
+    return combined(row.acts[key[0]][k][key[1]], row.numbers)
+
+
+def acting(told: Floats, price: float) -> Mask:
+    """Return where a cause acts more probably than not, (n,), by each row's log odds, (n,), and a change's [nats]."""
+
+    def odds(told: Floats, p: float = float(np.exp(-price))) -> Floats:
+        out = [0.0]
+        for x in told.tolist():
+            o = np.exp(min(max(out[-1], -700.0), 700.0))
+            out.append(float(np.log((o + p) / (p * o + 1.0))) + x)
+        return np.array(out[1:])
+
+    return np.asarray(odds(told) + odds(told[::-1])[::-1] - told > 0.0)

@@ -183,16 +183,10 @@ def _strongest(
 
 
 def _timed(w: Whitened, pulses: Pulses) -> Local:
-    columns = [
-        np.column_stack([p.get(k, np.zeros(len(s.t))) * w.effort for p in pulses])
-        for k, s in enumerate(w.logs)
-    ]
-    spans = [
-        (k, float(w.logs[k].t[np.flatnonzero(x)[0]]), float(w.logs[k].t[np.flatnonzero(x)[-1]]))
-        for p in pulses
-        for k, x in p.items()
-        if x.any()
-    ]
+    still = [np.zeros(len(s.t)) for s in w.logs]
+    columns = [np.column_stack([p.get(k, x) * w.effort for p in pulses]) for k, x in enumerate(still)]
+    rows = [(k, np.flatnonzero(x)) for p in pulses for k, x in p.items() if x.any()]
+    spans = [(k, float(w.logs[k].t[x[0]]), float(w.logs[k].t[x[-1]])) for k, x in rows]
     return Local(columns, SETTINGS.place * len(pulses), spans=spans)
 
 
@@ -217,20 +211,16 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
         out["tooth"] = Local(columns, SETTINGS.place, (at, width))
     if snag.gain > SETTINGS.place:
         keep = [np.zeros(len(s.t)) for s in w.logs]
-        for (k, a, b), on in zip(snag.passes, snag.drags, strict=True):
-            keep[k][a:b] = on
+        for (k, a, b), drags in zip(snag.passes, snag.drags, strict=True):
+            keep[k][a:b] = drags
         keep = [x * s.axes[w.name]["sg"] for x, s in zip(keep, w.logs, strict=True)]
         at, width = _finer(w, snag, keep)
-        columns = [
-            (_bump(w, s, at, width) * x * w.effort)[:, None] for s, x in zip(w.logs, keep, strict=True)
-        ]
+        pairs = zip(w.logs, keep, strict=True)
+        columns = [(_bump(w, s, at, width) * x * w.effort)[:, None] for s, x in pairs]
         count = float(snag.drags.sum())
         price = SETTINGS.place + count * np.log(1 / 0.4) + (len(snag.passes) - count) * np.log(1 / 0.6)
-        spans = [
-            (k, float(w.logs[k].t[a]), float(w.logs[k].t[b - 1]))
-            for (k, a, b), on in zip(snag.passes, snag.drags, strict=True)
-            if on
-        ]
+        on = [x for x, drags in zip(snag.passes, snag.drags, strict=True) if drags]
+        spans = [(k, float(w.logs[k].t[a]), float(w.logs[k].t[b - 1])) for k, a, b in on]
         out["snag"] = Local(columns, float(price), (at, width), spans)
     return out
 

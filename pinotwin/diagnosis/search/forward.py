@@ -215,11 +215,8 @@ def _with_play(
 ) -> list[Scored]:
     """Return candidates that are taken in, best first, with play and springs that close more than a delay."""
     least = replace(rules, share_played=rules.share_structure)
-    more = [
-        r
-        for r, why in answers
-        if why and any(_less_and_late(one, r) for one in fit) and not refused(r, searcher, least)
-    ]
+    late = [r for r, why in answers if why and any(_less_and_late(one, r) for one in fit)]
+    more = [r for r in late if not refused(r, searcher, least)]
     return sorted([*fit, *more], key=lambda r: -r.gain) if more else list(fit)
 
 

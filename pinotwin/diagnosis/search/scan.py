@@ -168,13 +168,9 @@ class Searcher:
     def power_beyond_noise(self, joints: Collection[int], most: float) -> float:
         """Return :meth:`power` without the noise that repeats tell, at most this share of it."""
         c, power = self.comparison, self.power(joints)
-        noise = sum(
-            len(s.residual[j]) * (c.noise.get(j, 0.0) / c.floor[j]) ** 2
-            for s in (c.new, c.unseen)
-            if s is not None
-            for j in joints
-            if j in s.joints
-        )
+        samples = (c.new,) if c.unseen is None else (c.new, c.unseen)
+        rows = [(j, len(s.residual[j])) for s in samples for j in joints if j in s.joints]
+        noise = sum(n * (c.noise.get(j, 0.0) / c.floor[j]) ** 2 for j, n in rows)
         return power - min(noise, most * power)
 
     def power(self, joints: Collection[int]) -> float:
@@ -240,11 +236,8 @@ def _alone(ground: Ground) -> tuple[Floats, Floats]:
 
 
 def _by_joint(base: Base, delta: Floats) -> Floats:
-    return (
-        base.rr
-        - 2.0 * np.einsum("kb,kjb->kj", delta, base.Xr)
-        + np.einsum("kb,kjbc,kc->kj", delta, base.XX, delta)
-    )
+    both = np.einsum("kb,kjbc,kc->kj", delta, base.XX, delta)
+    return base.rr - 2.0 * np.einsum("kb,kjb->kj", delta, base.Xr) + both
 
 
 def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:

@@ -162,17 +162,8 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     }
     step = motion.step * max(1.0, len(motion) / len(rows))
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
-    return _Twist(
-        d[rows],
-        parts,
-        blocks_of(len(rows), step),
-        rows,
-        places,
-        noise,
-        motion.step,
-        float(x.min()),
-        float(np.ptp(x)),
-    )
+    blocks, low, travel = blocks_of(len(rows), step), float(x.min()), float(np.ptp(x))
+    return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, low, travel)
 
 
 def _filtered(motion: Motion, x: Floats) -> Floats:
@@ -270,12 +261,7 @@ def with_encoders(
 
 
 def _seen(
-    c: Comparison,
-    name: str,
-    joint: int,
-    new: _Twist,
-    own: _Twist | None,
-    rng: np.random.Generator,
+    c: Comparison, name: str, joint: int, new: _Twist, own: _Twist | None, rng: np.random.Generator
 ) -> Seen:
     known = None if own is None else own.fit(new.every)
     y = new.d if known is None else new.d - new.table(new.every) @ known.theta
@@ -350,11 +336,7 @@ def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], d
 
 
 def _confidences(
-    new: _Twist,
-    known: Blocked | None,
-    y: Floats,
-    found: Collection[str],
-    rng: np.random.Generator,
+    new: _Twist, known: Blocked | None, y: Floats, found: Collection[str], rng: np.random.Generator
 ) -> dict[str, float]:
     """Return how sure each part is: how often it is found again on stretches drawn at random."""
     wins = dict.fromkeys(found, 0)
@@ -422,11 +404,8 @@ class _Told:
         rows = []
         for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
             now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
-            before = (
-                0.0
-                if known is None
-                else float(_physical(known.theta, self.new.at(self.new.every, "spring"), i))
-            )
+            first = self.new.at(self.new.every, "spring")
+            before = 0.0 if known is None else float(_physical(known.theta, first, i))
             low, high = _span(float(now), 1.645 * float(_errors(each)))
             span = (max(low, 0.0), high)
             if i == 0:

@@ -74,11 +74,8 @@ def unused(subject: Machine | Twin, logs: Sequence[Prepared]) -> list[str]:
     if isinstance(subject, Twin):
         return []
     names = [p for p in subject.passive if any(f"{p}.v" in one.log for one in logs)]
-    return [
-        f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
-        "with this log and diagnose that"
-        for p in names
-    ]
+    why = "a machine does not know its spring: identify a twin with this log and diagnose that"
+    return [f"the vibration of {p} is in the log, but {why}" for p in names]
 
 
 @dataclass(frozen=True)
@@ -204,11 +201,7 @@ def _share(before: Floats, after: Floats, noise: float) -> float:
 
 
 def _shrink(
-    unseen: tuple[Floats, Floats],
-    promised: float,
-    noise: float,
-    runs: _Split,
-    rng: np.random.Generator,
+    unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split, rng: np.random.Generator
 ) -> tuple[Shrink, float]:
     """Return how far other springs shrink the gap on unseen rows, with the share of resampled blocks that name it."""
     blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
@@ -247,14 +240,6 @@ def _named(
 ) -> Found:
     inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
     wn, zeta = new.mode(inertia)
-    return Found(
-        "joint_flexibility",
-        old.name,
-        sure,
-        {"frequency": wn / (2.0 * np.pi), "damping": zeta},
-        {"k": new.stiffness, "c": new.damping},
-        {"v": shrink},
-        [],
-        moved,
-        gain=float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300))),
-    )
+    shape, theta = {"frequency": wn / (2.0 * np.pi), "damping": zeta}, {"k": new.stiffness, "c": new.damping}
+    gain = float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300)))
+    return Found("joint_flexibility", old.name, sure, shape, theta, {"v": shrink}, [], moved, gain=gain)
