@@ -52,7 +52,7 @@ def run(
             changed. Exit code 2 if a log could not be diagnosed (a line of the table; the others are done all the
             same), else 1 with --fail-on-gap and any verdict but none, else 0
         workers (N): processes of --each (default: one for each processor)
-        false_alarm (P): share of healthy logs that may be called changed, where logs hold commands
+        false_alarm (P): share of healthy logs that may be called changed, of logs with commands or a twin of three logs
         out (PATH): folder for diagnosis.json and its files
     """
     asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects), false_alarm)

@@ -78,7 +78,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         leave_out: effects of the catalogue that are not to be considered.
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
-        false_alarm: share of healthy logs of which something may be said [1], where logs hold commands.
+        false_alarm: share of healthy logs of which something may be said [1], of logs with commands or a twin of three.
         rules: thresholds.
 
     Raises:

@@ -160,7 +160,8 @@ class Diagnosis(Drawn):
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
-        detectable: the least changes of the plain causes that these logs would have shown, if they hold commands.
+        detectable: the least changes of the plain causes that these logs, with commands or a twin of three, would have
+            shown.
         evidence: the rows of evidence behind the causes, best first, likewise.
         recording: faults of the recording itself, before which no cause is named: fault, axis, number, confidence.
         provenance: version, options, seed, and the logs with their fingerprints.

@@ -26,7 +26,7 @@ from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.mechanisms import GROUPS
-from pinotwin.diagnosis.days.reference import Reference, reference
+from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
@@ -371,8 +371,10 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
         return None
     many = len(c.logs)
     new, valid = _Rows.of(r, c.motions[:many]), _Rows.of(r, c.motions[many:]) if c.validation else None
-    if not r.laws or not new.stretches or not all("e" in s.axes[k] for s in new.stretches for k in r.laws):
-        return None  # without the controller's law a recording and a machine look alike
+    lawful = bool(r.laws) and all("e" in s.axes[k] for s in new.stretches for k in r.laws)
+    if not new.stretches or not (lawful or r.days >= SEVERAL):
+        return None  # without the controller's law and other days a recording and a machine look alike
+    r = r if lawful else r.without_laws()
     valid = valid if valid is not None and valid.stretches else None
     return Answer(c, r, _judged(c, r, new, valid, options), new, valid)
 
@@ -434,7 +436,7 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
         noise=a.kind,
         advice=[
             *of_one_run(c, effects),
-            *of_other_state(c, set(opened), RULES),
+            *of_other_state(c, {*opened, *(x.axis for x in a.judged.rows[:1] if x.contradicted)}, RULES),
             *advice,
             *resting(c.machine, {*gap, *c.gate.unknown}),
         ],

@@ -71,15 +71,16 @@ class Case:
     ) -> Case:
         """Return the case of a question's rows.
 
-        What a validation log contradicts is no cause. Neither is what acts at instants or places, is no larger than
-        the noise of the effort [1], and is few pulses or is in the reading: at a constant speed the steps of an
-        encoder, sampled, come and go slowly (aliasing).
+        What gains nothing, or a validation log contradicts, is no cause. Neither is what acts at instants or places,
+        is no larger than the noise of the effort [1], and is few pulses or is in the reading: at a constant speed the
+        steps of an encoder, sampled, come and go slowly (aliasing).
         """
         best = {(r.name, r.axis): r for r in sorted(rows, key=lambda r: r.score)}
 
         def stands(r: Row) -> bool:
-            if r.contradicted or r.group not in ("time", "place"):
-                return not r.contradicted
+            speaks = r.score > 0.0 and not r.contradicted
+            if not speaks or r.group not in ("time", "place"):
+                return speaks
             read = best[r.name, r.axis].what == READ
             return r.worth >= 2.0 * noise.get(r.axis, 0.0) or not (read or r.spread < 8.0)
 
@@ -113,9 +114,7 @@ class Case:
         left = [0.0]
         for key, x in self.open.items() if self.first else ():
             axis, _, equation = key.rpartition(" ")
-            closed = [
-                r.closed.get(equation, 0.0) for r in self.causes if r.axis in (axis, "*") and r.score > 0.0
-            ]
+            closed = [r.closed.get(equation, 0.0) for r in self.causes if r.axis in (axis, "*")]
             left.append(min(x - 2.0, 1.0) * (1.0 - max([*closed, 0.0])) if x > 2.0 else 0.0)
         return float(np.clip(max(left), 0.0, 1.0))
 

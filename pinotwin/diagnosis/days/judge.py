@@ -15,7 +15,7 @@ from pinotwin.diagnosis.days.detectable import Limit, detectable
 from pinotwin.diagnosis.days.mechanisms import group_of
 from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.row import Question, Row
+from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
@@ -74,7 +74,7 @@ def evidence(
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
     steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
     rows = [
-        replace(r, score=_beyond(healthy.get((r.name, r.axis, r.what), 0.0), r, q.logs))
+        replace(r, score=_beyond(healthy.get((r.group, r.axis), 0.0), r, q.logs))
         for r in rows
         if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
@@ -84,16 +84,20 @@ def evidence(
 
 
 @cache
-def usual(r: Reference) -> dict[tuple[str, str, str], float]:
-    """Return row -> its largest amplitude on one of the twin's own days, which nobody doubts; of rows that show."""
-    out = dict[tuple[str, str, str], float]()
+def usual(r: Reference) -> dict[tuple[str, str], float]:
+    """Return group of causes and axis -> the largest amplitude on one of the twin's own days, which nobody doubts.
+
+    It is no less than that of the average axis: few days show few of the ways in which a twin is off.
+    """
+    seen = dict[tuple[str, str], float]()
     for day in sorted({s.log for s in r.logs}):
         logs = [s for s in r.logs if s.log == day]
         for x in Asked(Question.of(r, logs)).rows(every=True):
             if x.score > 0.0:
-                key = (x.name, x.axis, x.what)
-                out[key] = max(out.get(key, 0.0), _amplitude(x, logs))
-    return out
+                seen[x.group, x.axis] = max(seen.get((x.group, x.axis), 0.0), _amplitude(x, logs))
+    groups = {group for group, _ in seen}
+    average = {g: float(np.mean([seen.get((g, axis), 0.0) for axis in r.axes])) for g in groups}
+    return {(g, axis): max(seen.get((g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)}
 
 
 def _amplitude(row: Row, logs: Sequence[Stretch]) -> float:
@@ -121,8 +125,16 @@ def judge(
     found: list[Named] = []
     first: tuple[float, list[Row], Case, Asked] | None = None
     unknown, described, possible = False, None, list[Named]()
+    refuted = set[
+        tuple[str, str, str]
+    ]()  # by a validation log, which the first question alone is held against
+
+    def stands(r: Row) -> bool:
+        return admits(r) and (r.name, r.axis, r.what) not in refuted
+
     while len(found) < most:
-        case, rows, asked = evidence(q, [x.row for x in found], admits)
+        case, rows, asked = evidence(q, [x.row for x in found], stands)
+        refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
         P = decision.probabilities(case)
         first = first or (float(P[0]), rows, case, asked)
         if P[0] >= limit:

@@ -52,6 +52,11 @@ class Reference:
     tables: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
     days: int = SEVERAL
 
+    def without_laws(self) -> Reference:
+        """Return the same days without what a controller tells, for logs that hold no command."""
+        left = {k: w for k, w in self.whitenings.items() if k[1] != "law"}
+        return replace(self, laws={}, law_widths={}, whitenings=left)
+
     def twist(self, c: Columns) -> Floats:
         """Return what the spring between two encoders carries, shape (n,): the effort less half of dry friction."""
         return np.asarray(c["u"] - 0.5 * c["dry"])

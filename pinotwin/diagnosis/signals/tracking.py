@@ -1,7 +1,8 @@
 """The tracking error's gap: the log's against that of the twin simulated from the command alone.
 
 Before: the twin as it is. After: with the causes that were named, and the gains as they are now. The misfit is the
-same difference on the twin's own logs. Without a closed loop, or of a cause that cannot be simulated, nothing is said.
+same difference on the twin's own logs, and what friction that differs from day to day does there. Without a closed
+loop, or of a cause that cannot be simulated, nothing is said.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.columns import bind
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.scatter import by_days
 from pinotwin.diagnosis.result import Gap, Shrink
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.errors import PinotwinError
+from pinotwin.identification.coupled import with_factors
 from pinotwin.log import Log
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -42,7 +46,7 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
     try:
         before = [_difference(c.twin, one.log, one.motion) for one in logs]
         stretch = own_run(c)
-        own = np.full(c.machine.nv, np.nan) if stretch is None else _difference(c.twin, *stretch)[0]
+        own = np.full(c.machine.nv, np.nan) if stretch is None else _expected(c, *stretch)
     except PinotwinError:
         return Tracked()
     later, held = changed()
@@ -75,6 +79,16 @@ def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
     for j, (measured, said) in simulated_errors(twin, log, motion).items():
         off[j], size[j] = rms(measured - said), rms(measured)
     return off, size
+
+
+def _expected(c: Comparison, log: Log, motion: Motion) -> Floats:
+    """Return the RMS that the twin leaves of the tracking error of a healthy day, shape (nv,)."""
+    shares = {name: 1.0 + by_days(c, axis.index, RULES) for name, axis in c.machine.axes.items()}
+    other = with_factors(c.twin, {name: (1.0, x, x, x, 1.0) for name, x in shares.items()})
+    out, moved = np.full(c.machine.nv, np.nan), simulated_errors(other, log, motion)
+    for j, (measured, said) in simulated_errors(c.twin, log, motion).items():
+        out[j] = np.hypot(rms(measured - said), rms(moved[j][1] - said))
+    return out
 
 
 def simulated_errors(twin: Twin, log: Log, motion: Motion) -> dict[int, tuple[Floats, Floats]]:
