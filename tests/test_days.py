@@ -15,6 +15,7 @@ from pinotwin.diagnosis.days.judge import _named, evidence
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
+from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, score
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.log import Log
@@ -162,6 +163,17 @@ def test_a_change_that_no_row_tells_is_in_the_middle_of_them() -> None:
     told = np.r_[np.full(50, -1.0), np.zeros(100), np.full(50, 1.0)]
     assert np.flatnonzero(acting(told, 8.0))[0] == pytest.approx(100, abs=1)
     assert not acting(np.r_[-np.ones(50), np.full(5, 1.0), -np.ones(50)], 8.0).any()  # not worth its price
+
+
+def test_beside_a_cause_that_was_found_a_hundredth_of_it_is_noise(known_days: Reference) -> None:
+    q = Question.of(known_days, [s for s in known_days.logs if s.log == 0])
+    acts = [{"plant": s.axes["X"]["v"]} for s in q.logs]
+    found = replace(_friction("viscous", 60.0), acts={"X": acts}, numbers=np.array([40.0]))
+    before, after = known_days.whitenings, Asked(q, [found]).r.whitenings
+    w = before["X", "plant"]
+    course = np.concatenate([w(40.0 * x["plant"]) for x in acts])
+    assert after["X", "plant"].sigma == pytest.approx(np.hypot(w.sigma, 0.01 * np.sqrt(np.mean(course**2))))
+    assert after["A", "plant"] is before["A", "plant"]
 
 
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:

@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 57_015,
-    module_numbers: 124,
-    numbers_without_unit: 309,
+    lines: 56_973,
+    module_numbers: 123,
+    numbers_without_unit: 308,
     stories: 6,
 }
 

@@ -256,7 +256,7 @@ def test_bodies_say_whose_their_mass_is_and_what_they_cost() -> None:
     assert cells[2][2:] == ["dummy", "0.10", "nobody: not identified"]
     assert said == [
         "held-out error with these bodies: 1.250 times that of an unconstrained fit",
-        "held-out error with these bodies: 1.010 times that at the best weight of the URDF",
+        "held-out error with these bodies: 1.010 times that at the best URDF weight",
     ]
     page = identification_report(told, log)
     assert all(text in page for text in (*cells[0], *said))

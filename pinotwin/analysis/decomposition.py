@@ -59,23 +59,18 @@ class Decomposition(Card):
 
     def table(self) -> tuple[dict[str, Any], ...]:
         """Return one row an axis and cause, largest share first; the command has no ``disturbance_rms``."""
-        rows: list[dict[str, Any]] = []
-        for axis in self.axes:
-            shares = self.shares(axis)
-            for cause in sorted(shares, key=lambda c: -shares[c]):
-                e = self.errors[axis][cause]
-                d = self.disturbances[axis].get(cause)
-                rows.append(
-                    {
-                        "axis": axis,
-                        "cause": cause,
-                        "disturbance_rms": None if d is None else rms(d),
-                        "error_rms": rms(e),
-                        "error_peak": float(np.abs(e).max(initial=0.0)),
-                        "share": shares[cause],
-                    }
-                )
-        return tuple(rows)
+        return tuple(
+            {
+                "axis": axis,
+                "cause": cause,
+                "disturbance_rms": rms(d) if (d := self.disturbances[axis].get(cause)) is not None else None,
+                "error_rms": rms(self.errors[axis][cause]),
+                "error_peak": float(np.abs(self.errors[axis][cause]).max(initial=0.0)),
+                "share": share,
+            }
+            for axis in self.axes
+            for cause, share in sorted(self.shares(axis).items(), key=lambda row: -row[1])
+        )
 
     def _shown(self) -> Shown:
         """Return each cause's tracking error, for a notebook and for ``repr``."""

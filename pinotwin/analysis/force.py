@@ -53,15 +53,16 @@ class ExternalEffort:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin force --json`` writes."""
-        rows = {}
-        beyond = self.beyond()
-        for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
-            rows[name] = {
-                "largest": float(abs(self.force[:, k]).max()),
-                "half_width90": float(self.half[:, k].mean()),
-                "share_beyond": float(beyond[k]),
+        columns = zip(self.names, self.units, self.force.T, self.half.T, self.beyond(), strict=True)
+        rows = {
+            name: {
+                "largest": float(abs(force).max()),
+                "half_width90": float(half.mean()),
+                "share_beyond": float(beyond),
                 "unit": unit,
             }
+            for name, unit, force, half, beyond in columns
+        }
         out: dict[str, Any] = {"machine": self.machine, "log": self.source, "axes": rows}
         if self.link is not None:
             out["link"] = {self.link.link: dict(zip("xyz", self.link.felt().tolist(), strict=True))}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,8 @@ from pinotwin.bench.catalogue import COVERED_BY, TAKEN_OUT
 from pinotwin.errors import InputError, nearest
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines
+from pinotwin.machine.from_model import new_folder
+from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.random_machine import write_random_machine
 
@@ -29,19 +30,13 @@ Placed = Sequence[tuple[str, str, float]]  # (effect, axis, size) of what is put
 
 
 @functools.cache
-def _workshop() -> tempfile.TemporaryDirectory[str]:
-    """Return this process' folder for machines made on the way; it goes with the process."""
-    return tempfile.TemporaryDirectory(prefix="pinotwin-bench-")
-
-
-@functools.cache
 def sealed_folder(name: str) -> Path:
     """Return the folder of a machine with its truth: a bundled name, ``random:SEED`` or a folder."""
     kind, _, seed = name.partition(":")
     if kind == "random":
         if not seed.isdigit():
             raise InputError(f"machine {name!r}: a random machine is written random:SEED")
-        return write_random_machine(Path(_workshop().name) / f"sealed-{seed}", int(seed))
+        return write_random_machine(new_folder() / f"sealed-{seed}", int(seed))
     if name in machines():
         return machines()[name]
     if not (Path(name) / "machine.yaml").is_file():
@@ -53,16 +48,10 @@ def sealed_folder(name: str) -> Path:
 @functools.cache
 def listing(name: str) -> Mapping[str, tuple[Any, ...]]:
     """Return what machine.yaml lists: axis -> items."""
-    axes = _yaml(name)["axes"]
+    axes = read_yaml(sealed_folder(name) / "machine.yaml")["axes"]
     return {
         str(axis): tuple((spec or {}).get("effects", ("viscous", "coulomb"))) for axis, spec in axes.items()
     }
-
-
-def _yaml(name: str) -> dict[str, Any]:
-    text = (sealed_folder(name) / "machine.yaml").read_text(encoding="utf-8")
-    content: dict[str, Any] = yaml.safe_load(text)
-    return content
 
 
 def is_listed(name: str, effect: str, axis: str) -> bool:
@@ -107,12 +96,13 @@ def public_machine(name: str, withheld: Placed = ()) -> Machine:
 
 @functools.lru_cache(maxsize=64)
 def _public(name: str, pairs: tuple[tuple[str, str], ...]) -> Machine:
-    source, content = sealed_folder(name), _yaml(name)
+    source = sealed_folder(name)
+    content = read_yaml(source / "machine.yaml")
     for effect, axis in pairs:
         spec = dict(content["axes"][axis] or {})
         spec["effects"] = without(spec.get("effects", ("viscous", "coulomb")), effect)
         content["axes"][axis] = spec
-    folder = Path(tempfile.mkdtemp(dir=_workshop().name))
+    folder = new_folder()
     shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("virtual.yaml"))
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     (folder / "machine.yaml").write_text(text, encoding="utf-8")

@@ -50,8 +50,8 @@ def produce(case: Case, *, seconds: float = 8.0) -> Produced:
     off = case.effects if case.situation == "structure" else ()
     ill = virtual(case.machine, off=off, on=case.effects, seed=case.seed)
     first = case.seed % 9973
-    logs = tuple(_log(ill, fit, first + r, f"A{r}") for r in (1, 2))
-    validation = (_log(_later(ill, case.seed), check, first + 31, "B"),)
+    logs = tuple(replace(ill.record(fit, seed=first + r).to_log(), source=f"A{r}") for r in (1, 2))
+    validation = (replace(_later(ill, case.seed).record(check, seed=first + 31).to_log(), source="B"),)
     sealed = Sealed(public_machine(case.machine, off), logs, validation)
     if not case.effects:
         return Produced(sealed, {}, ())
@@ -70,11 +70,6 @@ def _way(machine: VirtualMachine, path: Trajectory) -> float:
     q, _, _ = path.at(np.arange(0.0, path.seconds, 0.02), machine.axes)
     spans = [np.ptp(machine.limits[a].travel or (-1.0, 1.0)) for a in machine.axes]
     return float(np.min(np.abs(np.diff(q, axis=0)).sum(axis=0) / spans))
-
-
-def _log(machine: VirtualMachine, path: Trajectory, seed: int, name: str) -> Log:
-    log = machine.record(path, seed=seed).log
-    return Log({k: np.asarray(x) for k, x in log.items()}, source=name)
 
 
 def _later(ill: VirtualMachine, seed: int) -> VirtualMachine:
@@ -109,7 +104,7 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
 def _course(ill: Run, clean: Run) -> Log:
     """Return the run with, for its efforts, what they are more than without the effect."""
     added = {f"{a}.u": of["u"] for a, of in ill.minus(clean).items()}
-    return Log({k: np.asarray(x) for k, x in {**ill.log, **added}.items()}, source="course")
+    return Log({**ill.log, **added}, source="course")
 
 
 def _size(

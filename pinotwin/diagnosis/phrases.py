@@ -25,7 +25,7 @@ def on_axis(name: str, axis: str | None) -> str:
 
 
 def rivals(found: Found, named: Sequence[Found]) -> dict[str, tuple[float, str]]:
-    """Return what else a cause could be -> probability and reason: forms of an effect together, no ``named`` cause."""
+    """Return what else a cause could be -> probability [1] and reason: forms of an effect together, none ``named``."""
     out: dict[str, tuple[float, str]] = {}
     for a in found.alternatives:
         what = OTHERWISE.get(a["effect"]) or on_axis(a["effect"], a.get("axis"))
@@ -110,3 +110,32 @@ def shop_range(region: Region) -> tuple[str, str, str]:
     places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
     first, last = (f"{round(x, places) + 0.0:.3g}" for x in (low, high))
     return first, last, unit
+
+
+def follows(name: str, what: str, since: Sequence[float]) -> str:
+    """Return what a cause follows, in words; empty for what acts always. ``since``: instants or spells [s]."""
+    long = f"{since[0]:.2g} s" if since else ""
+    if what == "read":
+        return "the controller did not ask for it: the effort may be misread"
+    words = {
+        "friction_at_start": f"it acts for {long} after every start",
+        "friction_since": "it begins within the run",
+        "zero_since": "it begins within the run",
+        "torque_fades": "it grows through the run",
+        "drift": "it grows through the runs",
+        "encoder_grows": "it grows through the run",
+        "cross_friction": f"it is dry friction that changes with the position of {what}",
+        "cut": "it comes at the same instants of every run: a process force",
+        "push": "it comes at other instants in every run",
+        "snag": "it drags at one place on some passes only",
+        "tooth": "it comes at one place, whatever the direction",
+    }
+    return words.get(name, "")
+
+
+def described(what: str) -> str:
+    """Return the description of what no cause explains."""
+    kind = "dry friction" if what.startswith("dry ") else "an effort"
+    what = what.removeprefix("dry ")
+    words = {"time": "time, otherwise in every run", "program": "the instants of the command"}
+    return f"follows {kind} that changes with {words.get(what, f'the {what}').replace('place', 'position')}"

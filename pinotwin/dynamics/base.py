@@ -58,9 +58,8 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
     A column is a combination of others if all but the share ``tolerance`` of it is one: forgives angles as 1.5708.
     """
     names = parameter_names(model)
-    W = np.linalg.qr(
-        _random_regressor(model, np.random.default_rng(seed)), mode="r"
-    )  # the same products, fewer rows
+    moves = _random_regressor(model, np.random.default_rng(seed))
+    W = np.linalg.qr(moves, mode="r")  # the same products, fewer rows
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
     priority, scaled = _priority(model), W / np.where(alive, norms, 1.0)
@@ -68,7 +67,9 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
     joint_by_joint = np.argsort([priority.index(k) for k in kept])
     chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
     K = K[joint_by_joint] * (np.where(alive, norms, 0.0) / norms[chosen][:, None])
-    P = _tidy(K, chosen, level)
+    whole = np.round(K)  # integers that K misses by rounding alone
+    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K) + 0.0  # no negative zeros
+    P[:, chosen] = np.eye(len(chosen))
     units = parameter_units(model)
     return BaseParameters(
         P,
@@ -123,14 +124,6 @@ def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[li
     # Rounded angles in the URDF leave residues of their size; exact ones only those of arithmetic.
     level = max(1e-10, min(tolerance, 10.0 * max((size for _, size in rejected), default=0.0)))
     return kept, np.where(np.abs(K) > level, K, 0.0), level
-
-
-def _tidy(K: Floats, chosen: Ints, level: float) -> Floats:
-    """Return K with the integers that it misses by rounding, and exact unit columns."""
-    whole = np.round(K)
-    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K) + 0.0  # no negative zeros
-    P[:, chosen] = np.eye(len(chosen))
-    return P
 
 
 def _rank(name: str, position: int) -> tuple[int, int, int]:

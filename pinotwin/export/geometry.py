@@ -54,8 +54,7 @@ def _origin(element: etree._Element | None) -> pin.SE3:
 
 
 def _shape(visual: etree._Element, meshes: list[dict[str, str]]) -> dict[str, str] | None:
-    geometry = visual.find("geometry")
-    kind = None if geometry is None or len(geometry) == 0 else geometry[0]
+    kind = visual.find("geometry/*")
     if kind is None:
         return None
     colour = visual.find("material/color")

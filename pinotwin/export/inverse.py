@@ -25,9 +25,6 @@ from pinotwin.twin import Twin
 TOLERANCE = 5e-4
 """Largest error of a curve, as a share of its largest value: a tenth of what a drive's effort repeats to."""
 _UNBOUNDED = 1e3  # a limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF
-_TURNS = 4.0 * np.pi
-_SLIDE = 1.0
-_FAST = (2.0, 20.0)
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
 def default_travel(machine: Machine) -> Floats:
     """Return the joints' position limits; two turns or one metre where the URDF has none, shape (2, nv)."""
     model, rotary = machine.model, np.array(machine.rotary)
-    usual = np.where(rotary, _TURNS, _SLIDE)
+    usual = np.where(rotary, 4.0 * np.pi, 1.0)
     low = np.where(model.lowerPositionLimit < -_UNBOUNDED, -usual, model.lowerPositionLimit)
     high = np.where(model.upperPositionLimit > _UNBOUNDED, usual, model.upperPositionLimit)
     margin = np.where(rotary, 0.05, 0.005) + 0.01 * (high - low)
@@ -86,31 +83,28 @@ def default_travel(machine: Machine) -> Floats:
 def default_speed(machine: Machine) -> Floats:
     """Return the joints' speed limits; 2 m/s or 20 rad/s where the URDF has none, shape (nv,)."""
     limit = np.asarray(machine.model.velocityLimit, dtype=float)
-    usual = np.where(machine.rotary, _FAST[1], _FAST[0])
+    usual = np.where(machine.rotary, 20.0, 2.0)
     return np.where((limit > 0.0) & (limit < _UNBOUNDED), 1.2 * limit, usual)
 
 
 def _tree(twin: Twin) -> dict[str, Any]:
     model = twin.model
-    joints = []
-    for i, inertia in enumerate(model.inertias):
-        if i == 0:
-            continue
-        rotary, axis = joint_axis(model, i)
-        joints.append(
-            {
-                "name": str(model.names[i]),
-                "parent": int(model.parents[i]) - 1,
-                "column": int(model.idx_vs[i]),
-                "rotary": rotary,
-                "axis": axis.tolist(),
-                "rotation": model.jointPlacements[i].rotation.ravel().tolist(),
-                "place": model.jointPlacements[i].translation.tolist(),
-                "mass": float(inertia.mass),
-                "centre": inertia.lever.tolist(),
-                "inertia": inertia.inertia.ravel().tolist(),
-            }
-        )
+    moved = [(i, model.inertias[i], *joint_axis(model, i)) for i in range(1, model.njoints)]
+    joints = [
+        {
+            "name": str(model.names[i]),
+            "parent": int(model.parents[i]) - 1,
+            "column": int(model.idx_vs[i]),
+            "rotary": rotary,
+            "axis": axis.tolist(),
+            "rotation": model.jointPlacements[i].rotation.ravel().tolist(),
+            "place": model.jointPlacements[i].translation.tolist(),
+            "mass": float(inertia.mass),
+            "centre": inertia.lever.tolist(),
+            "inertia": inertia.inertia.ravel().tolist(),
+        }
+        for i, inertia, rotary, axis in moved
+    ]
     return {
         "gravity": model.gravity.linear.tolist(),
         "armature": np.asarray(model.armature, dtype=float).tolist(),

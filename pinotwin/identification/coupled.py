@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Parameters, Twin
+
+Plant = TypeVar("Plant", bound=OpenLoop)
 
 
 @dataclass
@@ -152,7 +154,7 @@ def in_steps(found: Servos, raw: Motion) -> Servos:
     return replace(found, servos=stepped(found.servos), trials=stepped(found.trials))
 
 
-def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
+def with_factors(plant: Plant, factors: Mapping[str, Factors]) -> Plant:
     """Return the plant with friction of its axes multiplied, its table included; see :data:`Factors`."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
     effects, changed = list(plant.effects), dict[str, float]()

@@ -95,13 +95,9 @@ def sync(
     t_ref, r, t_imu, y = _checked(t_ref, rate_ref, t_imu, rate_imu, s)
     step = float(np.median(np.diff(t_imu)))
     vector = r.shape[1] == 3 and y.shape[1] == 3
-    placed = []
-    for rows in joined(t_imu):
-        if rows.stop - rows.start < s.least:
-            continue
-        found = _coarse(t_ref, r, t_imu[rows], y[rows], step, s)
-        if found is not None:
-            placed.append((rows, *found))
+    parts = [rows for rows in joined(t_imu) if rows.stop - rows.start >= s.least]
+    found = [(rows, _coarse(t_ref, r, t_imu[rows], y[rows], step, s)) for rows in parts]
+    placed = [(rows, *at) for rows, at in found if at is not None]
     if not placed:
         raise DataError(
             "the IMU's angular rate does not match the encoders' anywhere (no common rotation); "

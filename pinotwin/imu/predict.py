@@ -3,7 +3,7 @@
     gyro   y = (I + diag(s)) (I + N) u + a |u| + c u³ + G f_s + b(t),    u = R_ST (w + axis delta')
     accel  y = (I + E) R_ST f + b_a
     f      = a - R' g + (w' x p + w x w x p) + delta'' axis x (arm + p)
-             + delta' [(axis x w) x p + axis x (w x p) + w x (axis x p)] - delta axis x f0
+             + 2 delta' axis x (w x p) - delta axis x f0
 
 (f0: f without delta), at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is linear in the load's
 gains, the sag and the start; :class:`Layout` names the columns: shared parameters first, those of the run last.
@@ -202,7 +202,7 @@ class RunModel:
         places = (self.fine.axis, self.fine.arm, self.fine.w)
         axis, arm, w = (interpolate(x, at - lag)[0] for x in places)
         force = still(rigid)
-        turning, levered = _spin_terms(axis, w, p), np.cross(axis, arm + p)
+        turning, levered = 2.0 * np.cross(axis, np.cross(w, p)), np.cross(axis, arm + p)
         T = np.stack([-np.cross(axis, force), turning, levered], axis=2)
         f = force + np.einsum("nij,nj->ni", T, d)
         return f, (still(slope) + np.einsum("nij,nj->ni", T, d_slope)) / step, T
@@ -214,9 +214,3 @@ class RunModel:
         J[:, :, lay["accel_matrix"]] = np.einsum("ij,nk->nijk", eye, f).reshape(len(f), 3, 9)
         J[:, :, lay["accel_bias"]] = eye
         return f @ M.T + theta[lay["accel_bias"]], J
-
-
-def _spin_terms(axis: Floats, w: Floats, p: Floats) -> Floats:
-    """Return what a unit delta' adds to the acceleration at p through the link's own turning."""
-    p = np.broadcast_to(p, w.shape)
-    return np.cross(np.cross(axis, w), p) + np.cross(axis, np.cross(w, p)) + np.cross(w, np.cross(axis, p))

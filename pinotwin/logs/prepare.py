@@ -99,7 +99,11 @@ class EvenLogs:
         if not logs:
             raise DataError(f"{machine.name}: no log given; give at least one")
         even = [_regular(machine, item, how, settings) for item in logs]
-        return cls(tuple(_at_one_rate(machine, even, settings)), how, settings)
+        rates = [1.0 / _step(log.t, stretches(machine, log)) for log in even]
+        slowest = min(rates)
+        same = (1.0 + settings.same_rate) * slowest
+        pairs = zip(even, rates, strict=True)
+        return cls(tuple(x if rate <= same else _resampled(x, slowest) for x, rate in pairs), how, settings)
 
     @property
     def whose(self) -> Ints:
@@ -175,13 +179,6 @@ def _resampled(log: Log, rate: float) -> Log:
             smooth[name] = low_pass(x, now, 0.4 * rate, segments=parts)
     said = interpolated(log.with_channels({**log.channels, **smooth}), rate, smooth=True)
     return replace(said, notes=(*said.notes, f"low-passed at {0.4 * rate:.4g} Hz before"))
-
-
-def _at_one_rate(machine: Machine, logs: Sequence[Log], settings: Settings) -> list[Log]:
-    rates = [1.0 / _step(log.t, stretches(machine, log)) for log in logs]
-    slowest = min(rates)
-    same = (1.0 + settings.same_rate) * slowest
-    return [x if rate <= same else _resampled(x, slowest) for x, rate in zip(logs, rates, strict=True)]
 
 
 def _corner(machine: Machine, log: Log) -> float:

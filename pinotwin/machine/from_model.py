@@ -5,7 +5,6 @@ A machine is saved, viewed and written back as one; what a URDF cannot say is re
 
 from __future__ import annotations
 
-import itertools
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -26,7 +25,6 @@ from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
 
-_COUNT = itertools.count(1)
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
 
@@ -48,7 +46,7 @@ def machine_of_model(
     rotors = {str(model.names[i]): float(model.armature[model.idx_vs[i]]) for i in range(1, model.njoints)}
     usual = None if effects is None else list(effects)
     settings = {axis: _settings(axis, given, rotors, usual) for axis, given in chosen.items()}
-    urdf = _new_folder() / "model.urdf"
+    urdf = new_folder() / "model.urdf"
     urdf.write_bytes(urdf_of_model(model, title))
     pull = model.gravity.linear.tolist()
     return build({"name": title, "urdf": urdf.name, "gravity": pull, "axes": settings}, urdf)
@@ -59,23 +57,21 @@ def with_bodies(machine: Machine, model: pin.Model) -> Machine:
     axes = {
         k: replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0)) for k, a in machine.axes.items()
     }
-    urdf = _new_folder() / machine.urdf.name
+    urdf = new_folder() / machine.urdf.name
     urdf.write_bytes(with_inertias(machine.urdf, model))
     other = load_model(urdf, [part.joint for part in machine.parts])
     other.armature = model.armature.copy()
     return replace(machine, urdf=urdf, model=other, axes=axes)
 
 
-def _new_folder() -> Path:
-    folder = Path(_scratch().name) / str(next(_COUNT))
-    folder.mkdir()
-    return folder
+def new_folder() -> Path:
+    """Return a new folder that goes when this process ends."""
+    return Path(tempfile.mkdtemp(dir=_scratch().name))
 
 
 @cache
 def _scratch() -> tempfile.TemporaryDirectory[str]:
-    """Return the folder of this process' URDFs; it goes when the process ends."""
-    return tempfile.TemporaryDirectory(prefix="pinotwin-models-")
+    return tempfile.TemporaryDirectory(prefix="pinotwin-")
 
 
 def _kind(model: pin.Model, joint: int) -> str:

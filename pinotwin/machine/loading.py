@@ -33,7 +33,7 @@ def load_machine(path: str | Path) -> Machine:
     """See :meth:`Machine.load`."""
     given = as_path(path, "path")
     if not str(path).strip():
-        raise MachineError(f"no machine named; give a folder, a .urdf, or one of {_bundled()}")
+        raise MachineError(f"no machine named; give a folder, a .urdf, or one of {', '.join(machines())}")
     if given.suffix == ".urdf":
         return _of_urdf(given)
     if not given.exists() and str(path) in machines():
@@ -50,13 +50,9 @@ def load_machine(path: str | Path) -> Machine:
         more = nearest(str(path), [*machines(), *robots()])
         raise MachineError(
             f"{path}: no such machine; {more}; give a folder, a machine.yaml, a .urdf, a bundled one "
-            f"({_bundled()}) or a robot of example-robot-data"
+            f"({', '.join(machines())}) or a robot of example-robot-data"
         )
     return build(read_yaml(file), file)
-
-
-def _bundled() -> str:
-    return ", ".join(machines())
 
 
 def _of_urdf(path: Path) -> Machine:

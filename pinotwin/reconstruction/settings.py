@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.dynamics import jacobian, mass_matrix
-from pinotwin.errors import DataError, MachineError, nearest
+from pinotwin.errors import DataError, MachineError, require
 from pinotwin.imu.filters import group_delay
 from pinotwin.imu.runs import Priors
 from pinotwin.machine import Machine
@@ -37,8 +37,7 @@ def passive_joint(machine: Machine, name: str | None) -> str:
     if name is None and len(known) > 1:
         raise MachineError(f"{machine.name}: several passive joints ({', '.join(known)}); name one")
     chosen = known[0] if name is None else name
-    if chosen not in known:
-        raise MachineError(f"{machine.name}: no passive joint {chosen!r}; {nearest(chosen, known)}")
+    require(chosen, known, f"{machine.name}: no passive joint", MachineError)
     if not machine.passive[chosen].rotary:
         raise MachineError(
             f"{machine.name}: passive joint {chosen!r} slides; only a turning one can be seen by a gyroscope"

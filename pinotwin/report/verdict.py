@@ -111,7 +111,7 @@ def bodies(twin: Twin) -> tuple[tuple[str, ...], list[list[str]], list[str]]:
         mass = f"{row['mass']:.3g}{half}"
         rows.append([row["joint"], mass, given, f"{row['share']:.2f}", words[row["source"]]])
     price = twin.quality.get("consistency") or {}
-    of = {"unseen_over_free": "of an unconstrained fit", "unseen_over_best": "at the best weight of the URDF"}
+    of = {"unseen_over_free": "of an unconstrained fit", "unseen_over_best": "at the best URDF weight"}
     said = [
         f"held-out error with these bodies: {price[k]:.3f} times that {of[k]}" for k in of if price.get(k)
     ]

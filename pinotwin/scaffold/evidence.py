@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from pinotwin.arrays import Floats
+from pinotwin.logs.quality.values import has_more_values
 from pinotwin.signals import autocorrelation
 
 
@@ -22,13 +23,7 @@ class Push:
 def moves(x: Floats) -> bool:
     """Whether a column is a motion: it varies, and its neighbours are alike."""
     good = x[np.isfinite(x)]
-    return len(good) > 20 and varies(good) and float(autocorrelation(good, 1)[1]) > 0.9
-
-
-def varies(x: Floats) -> bool:
-    """Whether a column, shape (n,), holds more than one number."""
-    good = x[np.isfinite(x)]
-    return len(good) > 0 and float(np.ptp(good)) > 0.0
+    return len(good) > 20 and has_more_values(good, 1) and float(autocorrelation(good, 1)[1]) > 0.9
 
 
 def is_counter(x: Floats) -> bool:

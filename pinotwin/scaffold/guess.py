@@ -17,7 +17,8 @@ from pinotwin.columns import bind, is_contract_name
 from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.files.cells import is_clock
-from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness, varies
+from pinotwin.logs.quality.values import has_more_values
+from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness
 from pinotwin.scaffold.names import family, is_set_value, read_label
 from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR
 
@@ -183,7 +184,7 @@ def _by_number(table: _Table) -> None:
 
 def _by_behaviour(table: _Table) -> None:
     """Give nameless columns by what their numbers do."""
-    free = [c for c in table.free() if varies(table.log[c]) and not is_counter(table.log[c])]
+    free = [c for c in table.free() if has_more_values(table.log[c], 1) and not is_counter(table.log[c])]
     moving = [c for c in free if moves(table.log[c])]
     alike: set[str] = set()
     for axis, columns in zip(table.axes, _following(table.log, moving), strict=False):
@@ -273,7 +274,9 @@ def _units(table: _Table) -> list[str]:
                     f"{guess.channel}: is in {stated}; give columns a `factor`: metres or radians of one"
                 )
             elif stated is None:
-                unit = unit or _unit_by_size(table.log[guess.column], rotary)
+                if not unit:
+                    far = float(np.nanmax(np.abs(table.log[guess.column])))
+                    unit = ("deg" if far > 13.0 else "rad") if rotary else ("mm" if far > 5.0 else "m")
                 said = f"no unit stated, {unit} by its size"
                 written = "" if unit in ("m", "rad") else unit
                 table.taken[guess.channel] = replace(guess, unit=written, reason=f"{guess.reason}; {said}")
@@ -297,11 +300,6 @@ def _unit_of_speed(table: _Table, axis: str) -> None:
     best = min(known, key=lambda name: abs(np.log(max(abs(slope), 1e-12) / known[name])))
     said = f"{v.reason}; no unit stated, {best} by its size"
     table.taken[v.channel] = replace(v, unit="" if SI_FACTOR[best] == 1.0 else best, reason=said)
-
-
-def _unit_by_size(x: Floats, rotary: bool) -> str:
-    far = float(np.nanmax(np.abs(x)))
-    return ("deg" if far > 13.0 else "rad") if rotary else ("mm" if far > 5.0 else "m")
 
 
 def _efforts(table: _Table) -> list[str]:

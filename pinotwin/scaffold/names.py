@@ -50,9 +50,7 @@ def tokens(name: str) -> list[str]:
 def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequence[str]) -> Label:
     """Return axis and signal that a column's name, and its unit in the file, say; joints are in the axes' order."""
     words = tokens(name)
-    signal, why = _signal(words, unit)
-    axis = _axis(name, words, axes, joints)
-    return Label(axis, signal, why)
+    return Label(_axis(name, words, axes, joints), *_signal(words, unit))
 
 
 def _named(words: Sequence[str]) -> dict[str, list[str]]:
@@ -95,9 +93,7 @@ def _axis(name: str, words: Sequence[str], axes: Sequence[str], joints: Sequence
             if own in words or f"{own}1" in words or (len(own) > 3 and own in folded):
                 return axis
     glued = [w for w in words if len(w) > 1 and w[0] in {a.casefold() for a in axes} and w[1:] in _ALL_WORDS]
-    if glued:  # xpos, yact
-        return next(a for a in axes if a.casefold() == glued[0][0])
-    return None
+    return next((a for a in axes if glued and a.casefold() == glued[0][0]), None)  # xpos, yact
 
 
 _ALL_WORDS = {word for words in _WORDS.values() for word in words if len(word) > 2}

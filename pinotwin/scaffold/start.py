@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -238,9 +237,8 @@ def _write_yaml(
     lines += [f"meshes: {Path(task.meshes).resolve()}"] if task.meshes else []
     lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
     for axis, joint in axes.items():
-        entry: dict[str, Any] = {"joint": joint, "effects": ["viscous", "coulomb"]}
-        if axis in rotors:
-            entry["rotor_inertia"] = rotors[axis]
+        rotor = {"rotor_inertia": rotors[axis]} if axis in rotors else {}
+        entry = {"joint": joint, "effects": ["viscous", "coulomb"], **rotor}
         lines.append(f"  {in_one_line({axis: entry})}")
     text = "\n".join(lines) + "\n" + (_columns(guesses) if guesses.found else "")
     (task.folder / "machine.yaml").write_text(text, encoding="utf-8")

@@ -119,11 +119,8 @@ class Scan:
 
     def _same(self, one: Floats, other: Floats) -> bool:
         """Return whether two points lie within half a cell of the grid."""
-        for k, value in enumerate(other):
-            low, high = self._neighbours(value, k)
-            if abs(one[k] - value) > 0.25 * (high - low):
-                return False
-        return True
+        cells = np.array([self._neighbours(value, k) for k, value in enumerate(other)])
+        return bool(np.all(np.abs(one - other) <= 0.25 * np.diff(cells).ravel()))
 
     def _refined(self, basin: Basin) -> Basin:
         """Return the optimum near a basin: one shape at a time, each within its grid neighbours."""

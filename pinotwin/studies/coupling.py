@@ -86,9 +86,8 @@ def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect
         upper += [np.inf] * beta + [c.upper for c in given]
         names += [f"{motion.names[joint]}:{k}" for k in range(beta + len(given))]
     like = assemble(motion, effects, rows)
-    return like.with_columns(block_diag(*blocks), names), Options(
-        lower=np.array(lower), upper=np.array(upper)
-    )
+    bounds = Options(lower=np.array(lower), upper=np.array(upper))
+    return like.with_columns(block_diag(*blocks), names), bounds
 
 
 def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:

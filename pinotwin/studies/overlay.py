@@ -62,7 +62,9 @@ def overlay(
     fitted = np.sum([given.parts[key][rows, j] for key in keys], axis=0)
     grid, motion = _grid(given, j, x, against)
     order = np.argsort(grid, kind="stable")
-    curve = _curve(twin, keys, motion)[order]
+    own = [(k, e) for k, e in zip(twin.keys, twin.effects, strict=True) if k in keys]
+    parts = [e.axis_columns(motion) @ twin.coefficients(k) for k, e in own if isinstance(e, AxisEffect)]
+    curve = np.sum(parts, axis=0)[order]
     return Study(
         finding=STUDIED["overlay"].format(share=explained(extracted, fitted)),
         header=(f"{against} [SI]", "median of the data", "lower quartile", "upper quartile"),
@@ -145,15 +147,6 @@ def _grid(given: Evidence, j: int, x: Floats, against: Against) -> tuple[Floats,
     t = np.arange(n, dtype=float)
     motion = AxisMotion(given.names[j], j, given.rotary[j], t, q, v, np.zeros(n), pieces, 1.0 / given.rate)
     return grid, motion
-
-
-def _curve(twin: Twin, keys: Sequence[str], motion: AxisMotion) -> Floats:
-    total = np.zeros(len(motion.q))
-    for key in keys:
-        effect = twin.effects[twin.keys.index(key)]
-        if isinstance(effect, AxisEffect):
-            total += effect.axis_columns(motion) @ twin.coefficients(key)
-    return total
 
 
 def binned(x: Floats, y: Floats, count: int = 60, fewest: int = 5) -> tuple[Floats, Floats, Floats, Floats]:

@@ -20,7 +20,7 @@ from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.days.causes import Place, axis_of, described, effect_of, follows, regions, sizes
+from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, regions, sizes
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
@@ -29,7 +29,7 @@ from pinotwin.diagnosis.days.mechanisms import GROUPS
 from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
-from pinotwin.diagnosis.phrases import effect_words, recording_words, seen_words
+from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
@@ -257,7 +257,7 @@ class Answer:
         out = {}
         row = self.judged.described
         if row is not None:
-            out[row.axis] = described(row)
+            out[row.axis] = described(row.what)
         for x in self.recorded:
             out[axis_of(x.row, self.r)] = f"the recording: {effect_words(x.row.name)}"
         return {**out, **self.c.gate.nameless, **self.c.gate.silent}
@@ -318,13 +318,14 @@ class Answer:
                 f"The recording is at fault: {recording_words(self.recording())}. Repair it and diagnose again"
             ]
         if effects:
-            courses = [(axis_of(x.row, self.r), follows(x.row)) for x in self.named]
+            rows = [(axis_of(x.row, self.r), x.row) for x in self.named]
+            courses = [(axis, follows(row.name, row.what, row.since)) for axis, row in rows]
             told = [f"On {axis} {words}" for axis, words in courses if words]
             return [f"Has changed: {'; '.join(said(e) for e in effects)}", *told]
         if self.judged.unknown:
             row = self.judged.described
             maybe = "; ".join(said(self.told(x)) for x in self.judged.possible)
-            words = "" if row is None else f": {row.axis} {described(row)}"
+            words = "" if row is None else f": {row.axis} {described(row.what)}"
             likely = [f"Possible, not sure: {maybe}"] if maybe else []
             return [f"Something has changed that no known cause explains for certain{words}", *likely]
         seen = seen_words([*map(asdict, self.judged.detectable)])
@@ -420,6 +421,7 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
     word: Verdict = "partly_explained" if opened else "explained"
     if not effects:
         word = "unexplained" if opened else "none"
+    refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
     only = [f"The other logs show none of it. Judged: {', '.join(differ)}"] if differ else []
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
     return Diagnosis(
@@ -436,7 +438,7 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
         noise=a.kind,
         advice=[
             *of_one_run(c, effects),
-            *of_other_state(c, {*opened, *(x.axis for x in a.judged.rows[:1] if x.contradicted)}, RULES),
+            *(of_other_state(c, {*opened, *refuted}, RULES) if not a.recording() else []),
             *advice,
             *resting(c.machine, {*gap, *c.gate.unknown}),
         ],

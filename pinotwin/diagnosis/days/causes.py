@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.mechanisms import GROWS, READ, group_of, knows, part_of
+from pinotwin.diagnosis.days.mechanisms import GROWS, group_of, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
@@ -255,32 +255,3 @@ def _speeds(row: Row, at: Place) -> Floats:
         at.logs[k].axes[at.axis]["v"][(at.logs[k].t >= a) & (at.logs[k].t <= b)] for k, a, b in row.spans
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
-
-
-def follows(row: Row) -> str:
-    """Return what a cause follows, in words; empty for what acts always."""
-    long = f"{row.since[0]:.2g} s" if row.since else ""
-    if row.what == READ:
-        return "the controller did not ask for it: the effort may be misread"
-    words = {
-        "friction_at_start": f"it acts for {long} after every start",
-        "friction_since": "it begins within the run",
-        "zero_since": "it begins within the run",
-        "torque_fades": "it grows through the run",
-        "drift": "it grows through the runs",
-        "encoder_grows": "it grows through the run",
-        "cross_friction": f"it is dry friction that changes with the position of {row.what}",
-        "cut": "it comes at the same instants of every run: a process force",
-        "push": "it comes at other instants in every run",
-        "snag": "it drags at one place on some passes only",
-        "tooth": "it comes at one place, whatever the direction",
-    }
-    return words.get(row.name, "")
-
-
-def described(row: Row) -> str:
-    """Return the description of what no cause explains."""
-    kind = "dry friction" if row.what.startswith("dry ") else "an effort"
-    what = row.what.removeprefix("dry ")
-    words = {"time": "time, otherwise in every run", "program": "the instants of the command"}
-    return f"follows {kind} that changes with {words.get(what, f'the {what}')}"

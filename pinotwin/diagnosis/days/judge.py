@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.causes import effect_of
 from pinotwin.diagnosis.days.decision import Case, Decision, known
 from pinotwin.diagnosis.days.detectable import Limit, detectable
-from pinotwin.diagnosis.days.mechanisms import group_of
+from pinotwin.diagnosis.days.mechanisms import READ, group_of
 from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
@@ -74,7 +74,7 @@ def evidence(
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
     steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
     rows = [
-        replace(r, score=_beyond(healthy.get((r.group, r.axis), 0.0), r, q.logs))
+        replace(r, score=_beyond(healthy.get(_kind(r), 0.0), r, q.logs))
         for r in rows
         if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
@@ -84,20 +84,25 @@ def evidence(
 
 
 @cache
-def usual(r: Reference) -> dict[tuple[str, str], float]:
-    """Return group of causes and axis -> the largest amplitude on one of the twin's own days, which nobody doubts.
+def usual(r: Reference) -> dict[tuple[str, bool, str], float]:
+    """Return the largest amplitude on one of the twin's own days, which nobody doubts, of causes of one kind.
 
-    It is no less than that of the average axis: few days show few of the ways in which a twin is off.
+    A kind is a group, whether it is in the reading alone, and the axis. It is no less than that of the average axis:
+    few days show few of the ways in which a twin is off.
     """
-    seen = dict[tuple[str, str], float]()
+    seen = dict[tuple[str, bool, str], float]()
     for day in sorted({s.log for s in r.logs}):
         logs = [s for s in r.logs if s.log == day]
         for x in Asked(Question.of(r, logs)).rows(every=True):
             if x.score > 0.0:
-                seen[x.group, x.axis] = max(seen.get((x.group, x.axis), 0.0), _amplitude(x, logs))
-    groups = {group for group, _ in seen}
-    average = {g: float(np.mean([seen.get((g, axis), 0.0) for axis in r.axes])) for g in groups}
-    return {(g, axis): max(seen.get((g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)}
+                seen[_kind(x)] = max(seen.get(_kind(x), 0.0), _amplitude(x, logs))
+    groups = {kind[:2] for kind in seen}
+    average = {g: float(np.mean([seen.get((*g, axis), 0.0) for axis in r.axes])) for g in groups}
+    return {(*g, axis): max(seen.get((*g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)}
+
+
+def _kind(row: Row) -> tuple[str, bool, str]:
+    return row.group, row.what == READ, row.axis
 
 
 def _amplitude(row: Row, logs: Sequence[Stretch]) -> float:

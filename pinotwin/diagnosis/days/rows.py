@@ -12,6 +12,7 @@ from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.forms import possible
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import GROWS, POSSIBLE, READ, Acts, group_of
+from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
@@ -24,6 +25,7 @@ class Asked:
     """The evidence of a question beside the causes that were found so far."""
 
     def __init__(self, q: Question, found: Sequence[Row] = ()) -> None:
+        q = replace(q, reference=_beside(q.reference, found))
         self.q, self.r, self.found = q, q.reference, tuple(found)
         shapes = _shapes(q, self.found)
         self.tried = Tried(q, found, shapes)
@@ -234,6 +236,20 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
                 if f.group == "body":
                     out[axis, "law"] = min(size, 1.0)
     return out
+
+
+def _beside(r: Reference, found: Sequence[Row]) -> Reference:
+    """Return healthy days with the noise that causes leave which are known to a hundredth of what they do."""
+    whitenings = dict(r.whitenings)
+    for f in found:
+        for axis, each in f.acts.items():
+            for equation in each[0]:
+                w = whitenings[axis, equation]
+                y = np.concatenate([w(combined(x[equation], f.numbers)) for x in each])
+                whitenings[axis, equation] = replace(
+                    w, sigma=float(np.hypot(w.sigma, SETTINGS.share * rms(y)))
+                )
+    return replace(r, whitenings=whitenings)
 
 
 def _sum(parts: Sequence[Floats]) -> Floats:

@@ -174,16 +174,13 @@ def _first_row(rows: Sequence[Sequence[str]]) -> int:
         top = next(i for i, row in enumerate(rows) if len(row) == usual)
         return top + 1 + (len(rows) > top + 1 and is_unit_row(rows[top + 1], rows[top]))
 
-    def usual_kind(column: Sequence[str]) -> bool:
-        return any(2 * sum(map(kind, column)) > len(numeric) for kind in (is_number, is_list))
-
     def holds(row: Sequence[str]) -> bool:
         good = [is_number(row[k]) or is_list(row[k]) for k in columns or [0]]
         return good[0] and 2 * sum(good) >= len(columns)
 
-    columns = [
-        k for k, column in enumerate(zip(*(rows[i] for i in numeric), strict=True)) if usual_kind(column)
-    ]
+    cells = enumerate(zip(*(rows[i] for i in numeric), strict=True))
+    counts = [(k, max(sum(map(kind, column)) for kind in (is_number, is_list))) for k, column in cells]
+    columns = [k for k, count in counts if 2 * count > len(numeric)]
     start = above = next((i for i in numeric if holds(rows[i])), numeric[0])
     while above and len(rows[above - 1]) > 1 and all(map(has_value, rows[above - 1])):
         above -= 1

@@ -24,9 +24,8 @@ def load(path: Path, source: str) -> Content:
         chunks = [(group.column(j), size) for group in groups for j, size in enumerate(sizes)]
         held = sum(max(c.num_values * size, c.total_uncompressed_size // 8) for c, size in chunks)
         limited(source, held, path.stat().st_size)
-        texts = [
-            leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"
-        ]  # one text may fill all rows
+        # one text may fill all rows
+        texts = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         table = pq.ParquetFile(path, read_dictionary=texts).read()
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise damaged(source, error) from None

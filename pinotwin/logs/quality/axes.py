@@ -18,7 +18,6 @@ from pinotwin.solve.lead import lag
 
 _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
 _LEVELS = 100  # distinct values below which numbers may well be equal
-_FAR = {False: 50.0, True: 500.0}  # m, rad
 
 
 def inspect_axes(
@@ -129,7 +128,7 @@ def axis_findings(
 
 def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
     far = max(abs(axis.low), abs(axis.high))
-    if far > _FAR[axis.rotary]:
+    if far > (500.0 if axis.rotary else 50.0):  # rad, m
         unit, other = ("rad", "deg") if axis.rotary else ("m", "mm")
         yield finding("position_unit", f"{name}.q", far=far, unit=unit, other=other)
 

@@ -32,8 +32,9 @@ def inspect(
     for name, channel in channels.items():
         findings += _channel_findings(log, name, channel, settings)
     findings += _digit_findings(channels)
-    even, now = _even(log, axes, ticks, settings)
-    table, cutoff = inspect_axes(even, axes, now, settings)
+    present = [name for name in axes if f"{name}.q" in log]
+    even = even_clock(log, present, settings) if ticks and present else log  # as preparation takes it
+    table, cutoff = inspect_axes(even, axes, ticks and clock(even.t), settings)
     findings += axis_findings(log, axes, table, channels, limits or {}, ticks, settings)
     rows = [*row_findings(log, settings), *recorded_findings(log, list(axes))]
     torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
@@ -60,17 +61,6 @@ def _untold(log: Log, channels: Mapping[str, ChannelQuality]) -> Iterator[str]:
     for note in dict.fromkeys(log.notes):
         if not (isinstance(note, Holes) and note.missing in told):
             yield note
-
-
-def _even(
-    log: Log, axes: Mapping[str, bool], ticks: Clock | None, settings: Settings
-) -> tuple[Log, Clock | None]:
-    """Return what the axes are inspected with: the log on an even clock, as preparation takes it."""
-    present = [name for name in axes if f"{name}.q" in log]
-    if ticks is None or not present:
-        return log, ticks
-    even = even_clock(log, present, settings)
-    return even, clock(even.t)
 
 
 def _clock(log: Log, findings: list[Finding], settings: Settings) -> Clock | None:

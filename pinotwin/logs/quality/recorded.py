@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.signals import runs
@@ -60,15 +60,11 @@ def held_rows(log: Log) -> int:
     """Return for how many rows every measurement is held while a command moves on; 1 where none is."""
     commands = [k for k in log.channels if k.endswith(".qr")]
     measured = [k for k in log.channels if k != "t" and k not in commands]
-    asked, new = (np.asarray(_moved(log, names).any(axis=0)) for names in (commands, measured))
+    moved = {k: np.diff(x, prepend=np.nan) != 0.0 for k, x in log.channels.items()}
+    none = np.zeros(len(log), dtype=bool)
+    asked, new = (np.any([none, *(moved[k] for k in names)], axis=0) for names in (commands, measured))
     share = float(new[asked].mean()) if asked.sum() > 20 else 1.0
     return round(1.0 / share) if 0.15 < share < 0.7 else 1
-
-
-def _moved(log: Log, names: Sequence[str]) -> Mask:
-    """Return whether each channel differs from the row before, (k, n)."""
-    out = [np.diff(log[k], prepend=np.nan) != 0.0 for k in names]
-    return np.array(out, dtype=bool).reshape(len(names), len(log))
 
 
 def drawn_rows(x: Floats) -> float:
