@@ -12,7 +12,8 @@ import pytest
 from pinotwin.cli.main import main
 from pinotwin.diagnosis.grade import printed
 from pinotwin.log import Log
-from pinotwin.report.simulation import GRADES, expected_error, grade_of, simulation_report
+from pinotwin.report.simulation import expected_error, grade_of, simulation_report
+from pinotwin.system.phrases import SIMULATED_GRADES
 from pinotwin.viewer.rerun import write_recording
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import read
@@ -70,7 +71,7 @@ def test_a_known_error_is_stated_and_graded(twin, predicted, share: float, word:
 def test_a_log_of_the_command_alone_is_predicted_and_not_judged(twin, predicted) -> None:
     text = simulation_report(twin, smooth_command(twin.machine, 1.0, 500.0), predicted, "black")
     assert "nothing to hold the prediction against" in text
-    assert not any(f">{word}</span>" in text for word in GRADES)
+    assert not any(f">{word}</span>" in text for word in SIMULATED_GRADES)
 
 
 def test_names_of_files_are_checked_before_anything_is_simulated(tmp_path: Path, capfd) -> None:

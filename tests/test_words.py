@@ -25,17 +25,20 @@ from pinotwin.logs.quality.results import Severity
 from pinotwin.report import verdict
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import headline
-from pinotwin.report.simulation import GRADES
 from pinotwin.simulation.run import FORMS
 from pinotwin.system.phrases import (
     ADVERBS,
+    AGAINST,
+    BLIND,
     DAYS,
     DIAGNOSED,
     IDENTIFIED,
+    JUDGED,
     LACKING_DAYS,
     MEANING,
     REGIONS,
     SIMULATED,
+    SIMULATED_GRADES,
     STUDIED,
 )
 from tests.conftest import ROOT
@@ -149,11 +152,15 @@ def test_a_page_is_in_plain_words() -> None:
     assert [x for x in sentences(text) if NOT_USED.search(x)] == []
 
 
+TABLES = (MEANING, IDENTIFIED, ADVERBS, SIMULATED, DIAGNOSED, DAYS, LACKING_DAYS, REGIONS, STUDIED)
+TABLES += (AGAINST, BLIND, JUDGED)
+
+
 def texts() -> Iterator[str]:
-    for table in (MEANING, IDENTIFIED, ADVERBS, SIMULATED, DIAGNOSED, DAYS, LACKING_DAYS, REGIONS, STUDIED):
+    for table in TABLES:
         yield from table.values()
-    yield from (printed(grade) for grade in (*KIND, *GRADES))
-    yield from (meaning for _, meaning in GRADES.values())
+    yield from (printed(grade) for grade in (*KIND, *SIMULATED_GRADES))
+    yield from (meaning for _, meaning in SIMULATED_GRADES.values())
     for name, effect in EFFECTS.items():
         yield from (effect.title, explanation(name), effect.remedy)
 
@@ -206,7 +213,7 @@ def literals() -> Iterator[tuple[str, str]]:
         bare = {id(x.value) for x in ast.walk(tree) if isinstance(x, ast.Expr)}
         for node in ast.walk(tree):
             text = node.value if isinstance(node, ast.Constant) and id(node) not in bare else ""
-            if isinstance(text, str) and " " in text.strip() and text not in (*KIND, *GRADES):
+            if isinstance(text, str) and " " in text.strip() and text not in (*KIND, *SIMULATED_GRADES):
                 yield path.name, text
 
 
@@ -318,7 +325,7 @@ def test_a_figure_is_put_in_with_its_unit() -> None:
 
 def test_every_word_of_a_result_is_in_the_glossary() -> None:
     glossary = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
-    words = {*get_args(Grade), *get_args(Verdict), *get_args(Severity), *GRADES, *FORMS}
+    words = {*get_args(Grade), *get_args(Verdict), *get_args(Severity), *SIMULATED_GRADES, *FORMS}
     words |= {printed(word) for word in words}
     words |= {word for _, word, _ in verdict.GRADES}
     assert [word for word in sorted(words) if f"`{word}`" not in glossary] == []

@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 from pinotwin.report.blocks import Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, look, points, style
 from pinotwin.report.page import Page
+from pinotwin.system.phrases import BLIND
 
 STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}
 """State of a row -> words and kind of its chip."""
@@ -53,10 +54,11 @@ def _headline(d: Mapping[str, Any]) -> str:
     held = [r for r in d["scores"] if r["must"] and r["value"] is not None]
     below = [r["name"].removeprefix("… ") for r in held if r["state"] == "below"]
     if not held:
-        return "Too few cases for any score."
+        return BLIND["few"]
     if not below:
-        return f"All {len(held)} scores reach what they must."
-    return f"{len(held) - len(below)} of {len(held)} scores reach what they must; missed: {'; '.join(below)}."
+        return BLIND["all"].format(count=len(held))
+    reached = len(held) - len(below)
+    return BLIND["missed"].format(reached=reached, count=len(held), names="; ".join(below))
 
 
 LAST = ("none", "unexplained", "partly_explained", "explained", "unknown", "error")

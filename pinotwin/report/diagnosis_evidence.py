@@ -20,7 +20,7 @@ from pinotwin.report.diagnosis_plots import gap_figure, shown, spectrum_figure
 from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
 from pinotwin.report.figures import against_figure
 from pinotwin.studies.overlay import Against
-from pinotwin.system.phrases import STATES
+from pinotwin.system.phrases import AGAINST, STATES
 
 if TYPE_CHECKING:
     from pinotwin.viewer.still import Still
@@ -57,10 +57,8 @@ def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
         at = np.interp(given.t, motion.t, x[:, j])
         return against_figure(of, turns, at, shown(given), "residual", given.before)
 
-    curve = "Line: median. A curve is friction that the model does not have."
-    wave = "Line: median. A wave is ripple, cable or guideway."
-    speed = Plot(against("velocity", motion.v), "Against speed", curve)
-    return [Group((speed, Plot(against("position", motion.q), "Against position", wave)))]
+    speed = Plot(against("velocity", motion.v), "Against speed", AGAINST["velocity"])
+    return [Group((speed, Plot(against("position", motion.q), "Against position", AGAINST["position"])))]
 
 
 def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:

@@ -22,29 +22,8 @@ from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.page import Page
 from pinotwin.signals import rms
 from pinotwin.simulation.score import bound, compare, measured
-from pinotwin.system.phrases import SIMULATED, joined
+from pinotwin.system.phrases import LOOPS, SERVOS, SIMULATED, SIMULATED_GRADES, joined
 from pinotwin.twin import Twin
-
-GRADES = {
-    "within misfit": ("good", "no larger than the simulation error on held-out data of the twin"),
-    "above misfit": ("fair", "above that error, as on a motion unlike those of the twin's data"),
-    "far above misfit": ("bad", "the machine has changed, or the motion is outside the twin's data"),
-    "not judged": ("", "nothing was measured, or there is no validation error to compare with"),
-}
-"""Grade of a simulated signal -> colour of its chip, and what it says."""
-
-FORMS = {
-    "coupled": "identified controllers around the identified plant",
-    "black": "identified transfer functions",
-    "vibration": "transfer functions with the vibration of the passive joint",
-}
-LAWS = {
-    "cascade": "position P around velocity PI",
-    "pid": "position PID",
-    "proportional": "cascade without an integral",
-    "general": "cascade with a set-point weight",
-}
-"""Form of a controller -> its name."""
 
 
 def simulation_report(
@@ -68,7 +47,7 @@ def simulation_report(
         for s, row in signals.items()
     }
     turning = [name for name, axis in machine.axes.items() if axis.rotary]
-    legend = {printed(word).capitalize(): GRADES[word][1] for word in grades.values()}
+    legend = {printed(word).capitalize(): SIMULATED_GRADES[word][1] for word in grades.values()}
     content = {
         "sentences": _sentences(scores, grades),
         "table_": _score_table(twin, scores, grades, form) if scores else _sizes(machine, predicted),
@@ -78,12 +57,12 @@ def simulation_report(
         "measured": any(measured(machine, log, axis) for axis in machine.axes),
         "twin": twin,
         "coupled": form == "coupled",
-        "laws": LAWS,
+        "laws": SERVOS,
         "gains": servo_table(twin.servos, turning) if form == "coupled" and twin.servos else "",
     }
     options = {"controller": form, **known.get("options", {})}
     facts = {"twin_from": [dict(row) for row in twin.data], **known, "options": options}
-    subtitle = f"from the command of {display.elided(log.source)} alone · {FORMS.get(form, form)}"
+    subtitle = f"from the command of {display.elided(log.source)} alone · {LOOPS.get(form, form)}"
     facts = made_of(machine, [(log, "command")], **facts)
     return Page(f"{machine.name}: simulation", subtitle, (), "simulation", content, files, facts).html()
 
@@ -115,7 +94,7 @@ def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], st
         "at rest": lambda axis, s, row: share(row["resting"]),
         "moving": lambda axis, s, row: share(row["moving"]),
         "expected": lambda axis, s, row: share(expected_error(twin, axis, s, form)),
-        "grade": lambda axis, s, row: chip(printed(grades[axis, s]), *GRADES[grades[axis, s]]),
+        "grade": lambda axis, s, row: chip(printed(grades[axis, s]), *SIMULATED_GRADES[grades[axis, s]]),
     }
     return scores_table(twin.machine, scores, columns)
 

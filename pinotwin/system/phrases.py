@@ -176,6 +176,42 @@ SIMULATED = {  # what the page of `simulate` says first
     "far": "Much larger error than in validation: {signals}. Run pinotwin diagnose.",
 }
 
+SIMULATED_GRADES = {  # grade of a simulated signal -> colour of its chip, and what it says
+    "within misfit": ("good", "no larger than the simulation error on held-out data of the twin"),
+    "above misfit": ("fair", "above that error, as on a motion unlike those of the twin's data"),
+    "far above misfit": ("bad", "the machine has changed, or the motion is outside the twin's data"),
+    "not judged": ("", "nothing was measured, or there is no validation error to compare with"),
+}
+LOOPS = {  # form of a closed loop -> its name
+    "coupled": "identified controllers around the identified plant",
+    "black": "identified transfer functions",
+    "vibration": "transfer functions with the vibration of the passive joint",
+}
+SERVOS = {  # form of a controller -> its name
+    "cascade": "position P around velocity PI",
+    "pid": "position PID",
+    "proportional": "cascade without an integral",
+    "general": "cascade with a set-point weight",
+}
+JUDGED = {  # what a diagnosis of change says first
+    "recording": "The recording is at fault: {faults}. Repair it and diagnose again",
+    "changed": "Has changed: {causes}",
+    "course": "On {axis} {words}",
+    "unknown": "Something has changed that no known cause explains for certain{words}",
+    "possible": "Possible, not sure: {causes}",
+    "none": "No change found",
+    "others": "The other logs show none of it. Judged: {logs}",
+}
+AGAINST = {  # under a plot of what is left
+    "velocity": "Line: median. A curve is friction that the model does not have.",
+    "position": "Line: median. A wave is ripple, cable or guideway.",
+}
+BLIND = {  # what the page of `blind` says first
+    "few": "Too few cases for any score.",
+    "all": "All {count} scores reach what they must.",
+    "missed": "{reached} of {count} scores reach what they must; missed: {names}.",
+}
+
 DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is said of an axis with it
     "agree_change": "Log and twin agree: no change found.",
     "agree_structure": "Log and model agree: no missing effect found.",

@@ -37,6 +37,7 @@ from pinotwin.dynamics.parameters import BODY_NAMES
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.motion import Motion
 from pinotwin.signals import joined, rms
+from pinotwin.system.phrases import JUDGED
 
 BEGINS = ("friction_since", "friction_at_start", "zero_since", "limit", "")
 """Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
@@ -314,22 +315,20 @@ class Answer:
     def sentence(self, effects: Sequence[Found]) -> list[str]:
         """Return what a person reads first."""
         if self.recorded or self.proofs:
-            return [
-                f"The recording is at fault: {recording_words(self.recording())}. Repair it and diagnose again"
-            ]
+            return [JUDGED["recording"].format(faults=recording_words(self.recording()))]
         if effects:
             rows = [(axis_of(x.row, self.r), x.row) for x in self.named]
             courses = [(axis, follows(row.name, row.what, row.since)) for axis, row in rows]
-            told = [f"On {axis} {words}" for axis, words in courses if words]
-            return [f"Has changed: {'; '.join(said(e) for e in effects)}", *told]
+            told = [JUDGED["course"].format(axis=axis, words=words) for axis, words in courses if words]
+            return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *told]
         if self.judged.unknown:
             row = self.judged.described
             maybe = "; ".join(said(self.told(x)) for x in self.judged.possible)
             words = "" if row is None else f": {row.axis} {described(row.what)}"
-            likely = [f"Possible, not sure: {maybe}"] if maybe else []
-            return [f"Something has changed that no known cause explains for certain{words}", *likely]
+            likely = [JUDGED["possible"].format(causes=maybe)] if maybe else []
+            return [JUDGED["unknown"].format(words=words), *likely]
         seen = seen_words([*map(asdict, self.judged.detectable)])
-        return ["No change found", *([seen] if seen else [])]
+        return [JUDGED["none"], *([seen] if seen else [])]
 
 
 def _group(x: Named, r: Reference) -> list[str]:
@@ -422,7 +421,7 @@ def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Se
     if not effects:
         word = "unexplained" if opened else "none"
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
-    only = [f"The other logs show none of it. Judged: {', '.join(differ)}"] if differ else []
+    only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
     advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
     return Diagnosis(
         verdict=word,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Mask
 from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.mechanisms import GROWS, group_of, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
@@ -151,7 +151,12 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "viscous": ("viscous.b", *viscous, per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
         "drift": ("offset.drift", 0.0, at.effort, at.force),
-        "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), _inertia(at)),
+        "inertia": (
+            "payload.inertia",
+            0.0,
+            at.effort / at.spread("a"),
+            "kg·m²" if at.length == "rad" else "kg",
+        ),
         "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
         "compliance": ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
@@ -176,10 +181,6 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
 
 
-def _inertia(at: Place) -> str:
-    return "kg·m²" if at.length == "rad" else "kg"
-
-
 def _body(row: Row) -> list[Size]:
     """Return the numbers of a body that are known to half of themselves: mass, first moments, inertia."""
     names = [*zip(BODY_NAMES[:4], BODY_UNITS[:4], strict=True), ("I", "kg·m²")]
@@ -199,21 +200,16 @@ def _largest(row: Row, at: Place) -> Size:
     return Size("largest disturbance", 0.0, force, at.force, (force - half, force + half))
 
 
-Mask1 = list[Mask]
-"""Rows of every stretch."""
-
-
 def regions(row: Row, at: Place) -> list[Region]:
     """Return where and when a cause acts, in the log's own time, with the share of the residual that lies there."""
-    equation, signal = {"play": ("encoders", "ql"), "encoder": ("encoders", "ql"), "law": ("law", "e")}.get(
-        row.group, ("plant", "u")
-    )
+    gap, law = ("encoders", "ql"), ("law", "e")
+    equation, signal = {"play": gap, "encoder": gap, "law": law}.get(row.group, ("plant", "u"))
     left = [at.reference.residuals(s, [at.axis])[at.axis, equation] for s in at.logs]
     total = max(sum(float(x @ x) for x in left), 1e-300)
     count = sum(len(x) for x in left)
 
     def region(
-        kind: str, span: tuple[float, float], unit: str, rows: Mask1, other: str | None = None
+        kind: str, span: tuple[float, float], unit: str, rows: list[Mask], other: str | None = None
     ) -> Region:
         power = sum(float(x[m] @ x[m]) for x, m in zip(left, rows, strict=True))
         share = sum(int(m.sum()) for m in rows) / count
@@ -228,8 +224,10 @@ def regions(row: Row, at: Place) -> list[Region]:
         span = (row.place[0] - 2.0 * row.place[1], row.place[0] + 2.0 * row.place[1])
         out.append(region("position", span, at.length, _within(at, at.axis, "q", span)))
     if row.name == "limit":
-        v = _speeds(row, at)
-        span = (float(v.min(initial=0.0)), float(v.max(initial=0.0)))
+        spans = [(at.logs[k], a, b) for k, a, b in row.spans]
+        told = (s.axes[at.axis]["v"][(s.t >= a) & (s.t <= b)] for s, a, b in spans)
+        v = np.concatenate([np.zeros(1), *told])
+        span = (float(v.min()), float(v.max()))
         out.append(region("velocity", span, f"{at.length}/s", _within(at, at.axis, "v", span)))
     if row.name == "cross_friction":
         q = np.concatenate([s.axes[row.what]["q"] for s in at.logs])
@@ -246,12 +244,5 @@ def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
     return [(k, t, float(at.logs[k].t[-1])) for k, t in enumerate(since)]
 
 
-def _within(at: Place, axis: str, channel: str, span: tuple[float, float]) -> Mask1:
+def _within(at: Place, axis: str, channel: str, span: tuple[float, float]) -> list[Mask]:
     return [(s.axes[axis][channel] >= span[0]) & (s.axes[axis][channel] <= span[1]) for s in at.logs]
-
-
-def _speeds(row: Row, at: Place) -> Floats:
-    parts = [
-        at.logs[k].axes[at.axis]["v"][(at.logs[k].t >= a) & (at.logs[k].t <= b)] for k, a, b in row.spans
-    ]
-    return np.concatenate(parts) if parts else np.zeros(0)

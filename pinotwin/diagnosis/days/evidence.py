@@ -54,13 +54,8 @@ def cells(
     out = {}
     for equation in asked:
         columns, at = _beside(logs, days, acting or [{} for _ in logs], equation)
-        got = _Cellar(
-            r.whitenings[name, equation],
-            [
-                settled(s.axes[name]["moving"]) if equation == "plant" else settled(s.axes[name]["one"])
-                for s in logs
-            ],
-        )
+        counts = "moving" if equation == "plant" else "one"
+        got = _Cellar(r.whitenings[name, equation], [settled(s.axes[name][counts]) for s in logs])
         for k, s in enumerate(logs):
             x = np.column_stack([columns[k], left[k][name, equation]])
             gone = None

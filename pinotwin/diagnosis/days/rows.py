@@ -20,6 +20,8 @@ from pinotwin.diagnosis.days.stretch import combined
 from pinotwin.diagnosis.days.tried import Tried
 from pinotwin.signals import rms
 
+NONE: Ints = np.zeros(0, dtype=np.intp)
+
 
 class Asked:
     """The evidence of a question beside the causes that were found so far."""
@@ -35,7 +37,7 @@ class Asked:
         unseen = {} if found else self.tried.unseen
         self.valid = {k: cells(self.r, q.valid, q.valid_left, k, x) for k, x in unseen.items()}
         self.keys = [(k, e) for k in self.r.axes for e in self.cells[k]]
-        self.base = {key: score([(self.cells[key[0]][key[1]], _none())], 0) for key in self.keys}
+        self.base = {key: score([(self.cells[key[0]][key[1]], NONE)], 0) for key in self.keys}
         self.open = {key: opened(self.cells[key[0]][key[1]], x.held[0]) for key, x in self.base.items()}
 
     def rows(self, *, every: bool = False) -> list[Row]:
@@ -197,7 +199,7 @@ class Asked:
         if any(len(c.at[cause]) != len(theta) for c in use):
             return None
         with_it = score([(c, c.at[cause]) for c in use], len(theta), fixed=theta)
-        alone = score([(c, _none()) for c in use], 0)
+        alone = score([(c, NONE) for c in use], 0)
         gain = sum(float(x.sum()) for x in with_it.full) - sum(float(x.sum()) for x in alone.full)
         return gain + with_it.cost - alone.cost
 
@@ -212,10 +214,6 @@ def _small(name: str, group: str, worth: float, theta: float) -> bool:
     """Whether a cause is smaller than is worth a word: 1 % of the effort (5 % for a while) or a gain, 2 µm of play."""
     share = SETTINGS.share * (5.0 if group in ("time", "place") else 1.0)
     return abs(theta) < SETTINGS.told.get(group, 0.0) or (name != "payload" and worth < share)
-
-
-def _none() -> Ints:
-    return np.zeros(0, dtype=np.intp)
 
 
 def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
