@@ -65,10 +65,10 @@ class PositionTable(AxisEffect):
 
         tau = sum_k m_k B(q / spacing - k) + sum_j a_j cos(2 pi q / pitch_j) + b_j sin(2 pi q / pitch_j)
 
-    Before the data the first sum, of cubic B-splines B, is a mean, any, plus a Matern-3/2 process of a standard
-    deviation and a length: it is smooth, fades to its mean where no log has been, and is as uncertain there as it is
-    large. Its knots cover the travel of the joint; beyond it the last value holds. On an axis without stops the effort
-    repeats with every turn, and so do the knots once the log makes a whole one.
+    Before the data the first sum, of cubic B-splines B, is a mean plus a Matern-3/2 process: it is smooth, and fades to
+    its mean where no log has been, as uncertain there as it is large. Its knots cover the travel of the joint; beyond
+    it the last value holds. On an axis without stops the effort repeats with every turn, and so do the knots once the
+    log makes a whole one.
     """
 
     most: ClassVar[int] = 100

@@ -89,10 +89,9 @@ def _cause(d: Diagnosis, e: Found) -> str:
     axis = shrink.axis or e.axis or ""
     scale = scale_of(signal, rotary_axes(d).get(axis, False), shrink.before)
     others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
+    which = "all" if signal == "e" and len(d.effects) > 1 else "alone" if others else "modelled"
     falls = DIAGNOSED["falls"].format(
-        modelled=DIAGNOSED[
-            "all" if signal == "e" and len(d.effects) > 1 else "alone" if others else "modelled"
-        ],
+        modelled=DIAGNOSED[which],
         residual=DIAGNOSED["residual" if signal == "u" else "signal"].format(signal=SIGNALS[signal])
         + ("" if axis == e.axis else f" of {axis}"),
         before=display.number(shrink.before * scale.factor),
@@ -158,9 +157,8 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         times = g.rms / g.level if g.level else math.nan
         sizes = {"rms": scale.text(g.rms), "after": display.number(g.after * scale.factor), "times": times}
         looks = f" It {plain_sentence(why).removeprefix('it ')}." if why else ""
-        form = (
-            "pattern" if word == "not explained" and 0.0 < g.rms <= g.level else word
-        )  # its size is no sign
+        # no larger than expected, its size is no sign: the pattern is
+        form = "pattern" if word == "not explained" and 0.0 < g.rms <= g.level else word
         if form in DIAGNOSED:
             out.append(DIAGNOSED[form].format(axis=axis, why=why, looks=looks, **sizes))
     return out

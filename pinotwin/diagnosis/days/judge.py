@@ -130,9 +130,8 @@ def judge(
     found: list[Named] = []
     first: tuple[float, list[Row], Case, Asked] | None = None
     unknown, described, possible = False, None, list[Named]()
-    refuted = set[
-        tuple[str, str, str]
-    ]()  # by a validation log, which the first question alone is held against
+    # A validation log is held against the first question alone: what it refutes there stays refuted.
+    refuted: set[tuple[str, str, str]] = set()
 
     def stands(r: Row) -> bool:
         return admits(r) and (r.name, r.axis, r.what) not in refuted
