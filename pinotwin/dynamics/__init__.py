@@ -1,12 +1,9 @@
 """Rigid-body dynamics on a plain ``pin.Model``: efforts, regressors, base parameters, frames."""
 
-from pinotwin.dynamics.base import BaseParameters as BaseParameters
 from pinotwin.dynamics.base import base_parameters as base_parameters
 from pinotwin.dynamics.batch import inverse as inverse
 from pinotwin.dynamics.batch import mass_matrix as mass_matrix
 from pinotwin.dynamics.batch import regressor as regressor
-from pinotwin.dynamics.excitation import Excitation as Excitation
-from pinotwin.dynamics.excitation import Group as Group
 from pinotwin.dynamics.excitation import excitation as excitation
 from pinotwin.dynamics.frames import external_effort as external_effort
 from pinotwin.dynamics.frames import frame_acceleration as frame_acceleration

@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.checks import as_log, require_depth_first
-from pinotwin.dynamics.parameters import body_count, parameter_count
+from pinotwin.dynamics.parameters import as_log, body_count, parameter_count, require_depth_first
 from pinotwin.errors import DataError
 
 

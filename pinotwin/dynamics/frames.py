@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.checks import as_log
+from pinotwin.dynamics.parameters import as_log
 from pinotwin.errors import DataError, MachineError, require
 
 

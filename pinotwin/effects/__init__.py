@@ -5,8 +5,6 @@ How an effect is written and used: :mod:`pinotwin.effects.effect`.
 
 from __future__ import annotations
 
-from pinotwin.effects.coupling import InertialCoupling as InertialCoupling
-from pinotwin.effects.coupling import WristCoupling as WristCoupling
 from pinotwin.effects.effect import AxisEffect as AxisEffect
 from pinotwin.effects.effect import Coefficient as Coefficient
 from pinotwin.effects.effect import Columns as Columns
@@ -36,7 +34,9 @@ from pinotwin.effects.position import Offset as Offset
 from pinotwin.effects.position import PositionTable as PositionTable
 from pinotwin.effects.position import Spring as Spring
 from pinotwin.effects.presliding import Presliding as Presliding
+from pinotwin.effects.rigid_body import InertialCoupling as InertialCoupling
 from pinotwin.effects.rigid_body import RigidBody as RigidBody
+from pinotwin.effects.rigid_body import WristCoupling as WristCoupling
 from pinotwin.effects.ripple import Ripple as Ripple
 from pinotwin.effects.ripple import RippleModulated as RippleModulated
 from pinotwin.effects.scene import needs_model as needs_model

@@ -19,11 +19,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
-from pinotwin.effects import coupling, friction, load, position, ripple, sensing, servo, transmission
+from pinotwin.effects import friction, load, position, ripple, sensing, servo, transmission
 from pinotwin.effects.effect import Effect, OneAxis
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.effects.presliding import Presliding
-from pinotwin.effects.rigid_body import RigidBody
+from pinotwin.effects.rigid_body import InertialCoupling, RigidBody, WristCoupling
 from pinotwin.errors import InputError, MachineError, require
 
 EFFECTS: dict[str, type[Effect]] = {
@@ -45,8 +45,8 @@ EFFECTS: dict[str, type[Effect]] = {
         ripple.RippleModulated,
         position.PositionTable,
         position.Spring,
-        coupling.InertialCoupling,
-        coupling.WristCoupling,
+        InertialCoupling,
+        WristCoupling,
         transmission.DriveFlexibility,
         transmission.JointFlexibility,
         transmission.Backlash,

@@ -1,14 +1,17 @@
-"""The multibody dynamics of the whole machine, linear in its base parameters (thesis Eq. 3.7, 3.17).
+"""Bodies and their coupling: the multibody dynamics, linear in its base parameters (thesis Eq. 3.7, 3.17).
 
     tau = M(q) a + h(q, v) = W_b(q, v, a) beta,      beta = P pi
 
 ``pi`` are the ten inertial parameters of every link and the rotor inertias; ``P`` regroups them into the
-smallest set that the motion can show (Gautier & Khalil 1990, 10.1109/70.56655).
+smallest set that the motion can show (Gautier & Khalil 1990, 10.1109/70.56655). Beside it, what one axis does to
+another: shared inertia, and inertia and friction of a motor whose position is the sum of two joints'
+(``J6: {J6: 32, J5: 32}`` in ``transmission``), which act on both (Gautier 1996; Janot 2014).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +20,10 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters
 from pinotwin.dynamics.batch import inverse
 from pinotwin.dynamics.parameters import parameters, with_parameters
-from pinotwin.effects.effect import Coefficient, Columns, Effect
+from pinotwin.effects.effect import Coefficient, Columns, Effect, Paired
 from pinotwin.effects.family import BODY
+from pinotwin.effects.sight import Sight
+from pinotwin.effects.tree import HasTree, Tree
 from pinotwin.errors import MachineError
 from pinotwin.motion import Motion
 
@@ -80,3 +85,51 @@ class RigidBody(Effect):
             return with_parameters(self.model, near)
         except (MachineError, ValueError, RuntimeError):
             return self.model
+
+
+@dataclass(frozen=True)
+class InertialCoupling(Paired):
+    """Inertia that two axes share: tau_i = J a_j, tau_j = J a_i."""
+
+    name = "inertial_coupling"
+    family = BODY
+    words = "another axis' acceleration drives this one more than modelled"
+    remedy = "check the centre of mass of what both axes move; move one axis alone and watch the other"
+    colour = "#2fa6a0"
+    linear = (Coefficient("J", "I"),)
+    inseparable = ("payload",)
+    imitates = ("payload", "rigid_body", "wrist_coupling", "geometric_error")
+    causes = ("inertial_coupling",)
+
+
+@dataclass(frozen=True)
+class WristCoupling(Paired):
+    """Inertia and friction of a motor that is geared to two joints at once.
+
+    tau_i = Ia_m a_j + b_m v_j + c_m sign(v_i + v_j),      tau_j the same with i and j exchanged
+    """
+
+    name = "wrist_coupling"
+    family = BODY
+    words = "turning one axis drags another through the gearing"
+    remedy = "check the coupling ratio of the wrist in `transmission`"
+    colour = "#3a7d7b"
+    linear = (
+        Coefficient("Ia_m", "F·s²/x", lower=0.0),
+        Coefficient("b_m", "F·s/x", lower=0.0),
+        Coefficient("c_m", "F", lower=0.0),
+    )
+    contains = ("inertial_coupling",)
+    imitates = ("inertial_coupling", "payload", "rigid_body")
+    causes = ("inertial_coupling", "friction", "friction")
+    rotary: bool = True
+
+    @classmethod
+    def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
+        """Return those with moving rotary axes within reach of a gear: two joints along the arm, as in a wrist."""
+        tree = Tree.of(machine)
+        if not (Sight.of(motion, axis).moves and tree.rotary[tree.index(axis)]):
+            return ()
+        every = super().candidates(machine, axis, motion)
+        turning = [e for e in every if tree.rotary[tree.index(e.partner)]]
+        return tuple(e for e in turning if (tree.apart(axis, e.partner) or np.inf) <= 2)

@@ -1,20 +1,24 @@
-"""MuJoCo: the tree with armature, damping and dry friction, and a passive-force function for the rest."""
+"""MuJoCo: the tree with armature, damping, springs and dry friction, and a passive-force function for the rest.
+
+Shapes are those of the URDF as MuJoCo takes them: primitives, and meshes in STL or OBJ.
+"""
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import joint_axis
-from pinotwin.export.geometry import Geometry, geometry_of, numbers, quaternion
-from pinotwin.export.inverse import Inverse
-from pinotwin.export.native import Native, split
-from pinotwin.export.texts import header, literal, rendered, runtime_text
-from pinotwin.machine.urdf import impossible_bodies
+from pinotwin.export.inverse import Inverse, header, literal, rendered, runtime_text
+from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
+from pinotwin.machine.urdf_check import read_tree
 from pinotwin.system.templates import asset
 from pinotwin.twin import Twin
 
@@ -133,3 +137,153 @@ def _passive(twin: Twin, native: Native, stem: str, left_out: list[str]) -> str:
         data=literal(native.rest | {"joints": names, "whole": native.dry}),
         passive=own,
     )
+
+
+@dataclass(frozen=True)
+class Tie:
+    """What the motor that turns two joints adds along their sum (a tendon of MuJoCo)."""
+
+    joints: tuple[int, int]  # columns of the two joints
+    armature: float  # rotor inertia [kg·m²]
+    damping: float  # viscous friction [N·m·s/rad]
+    friction: float  # dry friction [N·m]
+
+
+@dataclass(frozen=True)
+class Native:
+    """A machine's effort split in two."""
+
+    armature: Floats  # rotor inertia of each joint, shape (nv,)
+    damping: Floats  # viscous friction [N·s/m or N·m·s/rad], shape (nv,)
+    stiffness: Floats  # spring to zero [N/m or N·m/rad], shape (nv,)
+    friction: Floats  # dry friction, the same at every speed and both ways [N or N·m], shape (nv,)
+    ties: tuple[Tie, ...]  # motors that turn two joints
+    rest: dict[str, Any]  # what is left, as :class:`pinotwin.export.runtime.Friction` takes it
+    dry: list[dict[str, Any]]  # all dry friction, for a model whose own is switched off
+    inexpressible: tuple[str, ...]  # what neither part can hold, in words
+
+
+def split(data: dict[str, Any]) -> Native:
+    """Return the two parts of ``Inverse.data``."""
+    nv = len(data["names"])
+    friction = np.zeros(nv)
+    armature, viscous = (np.array(data[key], dtype=float) for key in ("armature", "viscous"))
+    dry, tied = [], {}
+    for row in data["dry"]:
+        level, rest = _level(row)
+        if row["partner"] >= 0:
+            tied[_pair(row["joint"], row["partner"])] = level
+        else:
+            friction[row["joint"]] += level
+        if rest is not None:
+            dry.append(rest)
+    ties, lost = [], []
+    for i, j, inertia, damping in data["coupled"]:
+        most = float(np.clip(inertia, 0.0, min(armature[i], armature[j])))
+        if inertia - most > 1e-3 * abs(inertia):
+            names = f"{data['names'][i]} and {data['names'][j]}"
+            lost.append(f"{inertia - most:.3g} kg·m² of the rotor that turns {names}")
+        ties.append(Tie((int(i), int(j)), most, float(damping), tied.pop(_pair(i, j), 0.0)))
+        armature[[i, j]] -= most
+        viscous[[i, j]] -= damping
+    ties += [Tie(pair, 0.0, 0.0, level) for pair, level in tied.items()]
+    damping, left = np.maximum(viscous, 0.0), np.minimum(viscous, 0.0)
+    rest = {key: data[key] for key in ("names", "position", "velocity", "slip")}
+    rest |= {"viscous": left.tolist(), "stiffness": [0.0] * nv, "dry": dry, "coupled": []}
+    stiffness = np.array(data["stiffness"], dtype=float)
+    return Native(armature, damping, stiffness, friction, tuple(ties), rest, data["dry"], tuple(lost))
+
+
+def _pair(i: int, j: int) -> tuple[int, int]:
+    return (min(int(i), int(j)), max(int(i), int(j)))
+
+
+def _level(row: dict[str, Any]) -> tuple[float, dict[str, Any] | None]:
+    """Return the friction common to all speeds and both directions, and the rest of the element."""
+    plus, minus = row["plus"], row["minus"]
+    level = max(0.0, min(min(plus.y), -max(minus.y)))
+    rest_plus, rest_minus = [y - level for y in plus.y], [y + level for y in minus.y]
+    if not any(abs(y) > 1e-9 * max(level, 1e-12) for y in (*rest_plus, *rest_minus)):
+        return level, None
+    return level, row | {"plus": plus._replace(y=rest_plus), "minus": minus._replace(y=rest_minus)}
+
+
+_READABLE = (".stl", ".obj")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Shapes by joint number (0: the base), meshes, and how many shapes could not be taken."""
+
+    shapes: dict[int, list[dict[str, str]]]  # joint number -> attributes of each ``<geom>``
+    meshes: list[dict[str, str]]  # attributes of each ``<mesh>``
+    lost: int  # meshes that MuJoCo does not read or that are not there
+
+
+def geometry_of(path: Path, model: pin.Model) -> Geometry:
+    """Return the visual shapes of a URDF, placed in the joints of the model."""
+    root = read_tree(path)
+    resolve_meshes(root, path)
+    shapes = dict[int, list[dict[str, str]]]()
+    meshes, lost = list[dict[str, str]](), 0
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        if not model.existFrame(name, pin.FrameType.BODY):
+            continue
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        for visual in link.findall("visual"):
+            shape = _shape(visual, meshes)
+            if shape is None:
+                lost += 1
+                continue
+            at = pin.SE3(frame.placement) * _origin(visual.find("origin"))
+            shape |= {"pos": numbers(at.translation), "quat": quaternion(at.rotation)}
+            shapes.setdefault(int(frame.parentJoint), []).append(shape)
+    return Geometry(shapes, meshes, lost)
+
+
+def _origin(element: etree._Element | None) -> pin.SE3:
+    if element is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (np.array((element.get(k) or "0 0 0").split(), dtype=float) for k in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
+
+
+def _shape(visual: etree._Element, meshes: list[dict[str, str]]) -> dict[str, str] | None:
+    kind = visual.find("geometry/*")
+    if kind is None:
+        return None
+    colour = visual.find("material/color")
+    paint = {"rgba": str(colour.get("rgba"))} if colour is not None else {}
+    if kind.tag == "mesh":
+        return _mesh(kind, meshes, paint)
+    if kind.tag == "box":
+        return paint | {"type": "box", "size": numbers(0.5 * float(x) for x in str(kind.get("size")).split())}
+    if kind.tag == "sphere":
+        return paint | {"type": "sphere", "size": str(kind.get("radius"))}
+    if kind.tag in ("cylinder", "capsule"):
+        size = f"{kind.get('radius')} {0.5 * float(str(kind.get('length')))!r}"
+        return paint | {"type": str(kind.tag), "size": size}
+    return None
+
+
+def _mesh(kind: etree._Element, meshes: list[dict[str, str]], paint: dict[str, str]) -> dict[str, str] | None:
+    file = Path(kind.get("filename") or "")
+    if file.suffix.lower() not in _READABLE or not file.is_file():
+        return None
+    entry = {"name": f"mesh{len(meshes)}", "file": str(file)}
+    if kind.get("scale"):
+        entry["scale"] = str(kind.get("scale"))
+    meshes.append(entry)
+    return paint | {"type": "mesh", "mesh": entry["name"]}
+
+
+def numbers(values: object) -> str:
+    """Return numbers as an attribute."""
+    return " ".join(f"{float(x):.12g}" for x in values)  # type: ignore[attr-defined]
+
+
+def quaternion(rotation: object) -> str:
+    """Return a rotation as w x y z."""
+    x, y, z, w = pin.Quaternion(np.asarray(rotation)).coeffs()
+    return numbers((w, x, y, z))

@@ -3,7 +3,7 @@
 Nothing is integrated: the IMU has to read the encoders' rotation and the deflection, the response of a spring-mass-
 damper (shared by all runs) to a known load, so its slow part is load over stiffness. All parameters have priors (MAP):
 without them scale, asymmetry and sag look alike. Gauss-Newton (:mod:`pinotwin.imu.predict`) on residuals whitened by
-the noise at rest; errors by leaving out stretches. The rest goes to :mod:`pinotwin.imu.latent`.
+the noise at rest; errors by leaving out stretches. The rest goes to :mod:`pinotwin.imu.result`.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import mounting_from_rates
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
 from pinotwin.imu.filters import group_delay
-from pinotwin.imu.latent import remainder
 from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
-from pinotwin.imu.result import BatchResult, RunResult, run_result
+from pinotwin.imu.result import BatchResult, RunResult, remainder, run_result
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.imu.whiten import Whitener
 from pinotwin.solve.sandwich import at_least, left_out

@@ -9,8 +9,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, nearest
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.ekf import ekf
-from pinotwin.imu.offline import offline_orientation
+from pinotwin.imu.ekf import ekf, offline_orientation
 
 Method = Literal["ekf", "smoother", "vqf", "offline"]
 

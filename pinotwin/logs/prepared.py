@@ -13,8 +13,7 @@ from pinotwin.columns import bind
 from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.logs.channels import finite
-from pinotwin.logs.command import command_findings
-from pinotwin.logs.effort_alone import Examined
+from pinotwin.logs.effort_alone import Examined, command_findings
 from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Limits, Quality, inspect

@@ -59,15 +59,6 @@ class LoopFit:
     ends: tuple[float, ...] = ()  # costs at which the short searches ended, over the lowest
     notes: tuple[str, ...] = ()  # what deserves attention, one sentence each
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the fit that :meth:`to_dict` wrote."""
-        return msgspec.convert(values, cls)
-
 
 COMMAND = "qr"
 
@@ -242,22 +233,12 @@ class LoopModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; :meth:`from_dict` restores them exactly."""
-        return {
-            "axis": self.axis,
-            "disturbances": list(self.disturbances),
-            "outputs": list(self.outputs),
-            "step": self.step,
-            "structure": self.structure.to_dict(),
-            "sections": [{**asdict(s), "values": list(s.values)} for s in self.sections],
-            "residues": self.residues.tolist(),
-            "fit": None if self.fit is None else self.fit.to_dict(),
-        }
+        return {**asdict(self), "residues": self.residues.tolist()}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the model that :meth:`to_dict` wrote; TwinError where a key is missing."""
         try:
-            fit = values.get("fit")
             return cls(
                 axis=values["axis"],
                 disturbances=tuple(values["disturbances"]),
@@ -266,7 +247,7 @@ class LoopModel:
                 structure=Structure.from_dict(values["structure"]),
                 sections=msgspec.convert(values["sections"], tuple[Section, ...]),
                 residues=np.array(values["residues"], dtype=float),
-                fit=None if fit is None else LoopFit.from_dict(fit),
+                fit=msgspec.convert(values.get("fit"), LoopFit | None),
             )
         except KeyError as missing:
             raise TwinError(f"loop: key {missing} is missing; identify the twin again") from None

@@ -21,10 +21,9 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.loop import kernels
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout, Ties
-from pinotwin.loop.sections import Discrete, discretise
+from pinotwin.loop.sections import Discrete, discretise, filter_section
 from pinotwin.loop.structure import Section
 
 BLOCK = 1000  # Rows that are filtered and factored at once
@@ -105,7 +104,7 @@ class Projection:
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
             A, B = discrete.A[slot.section], discrete.B[slot.section]
-            kernels.filter_section(A, B, self.inputs[slot.input], self.blocks, np.zeros(2), part)
+            filter_section(A, B, self.inputs[slot.input], self.blocks, np.zeros(2), part)
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]
@@ -268,7 +267,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
         own = []
         for j in range(section.order):
             out = np.zeros((1, 2 if section.order == 1 else 6, n))
-            kernels.filter_section(discrete.A[s], discrete.B[s], silent, block, np.eye(2)[j], out)
+            filter_section(discrete.A[s], discrete.B[s], silent, block, np.eye(2)[j], out)
             own.append(out[0])
         values += [x[0] for x in own]
         for i in range(section.order):

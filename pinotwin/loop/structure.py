@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal, Self
 
 from pinotwin.errors import InputError, nearest
@@ -143,13 +143,9 @@ class Structure:
         """Return whether velocity and acceleration of the command reach an output directly."""
         return self.direct and output >= 1, self.direct and output == 1
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return asdict(self)
-
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the structure that :meth:`to_dict` wrote, or that a machine.yaml describes."""
+        """Return the structure that a twin holds, or that a machine.yaml describes."""
         known = cls.__dataclass_fields__
         given = {k: x for k, x in values.items() if k not in ("integrator", "inertia")}  # of former twins
         for key in given:

@@ -9,9 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from scipy.stats import binomtest
 
-from pinotwin.report.blocks import Tile, tiles
+from pinotwin.report.blocks import Page, Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, look, points, style
-from pinotwin.report.page import Page
 from pinotwin.system.phrases import BLIND
 
 STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}

@@ -15,10 +15,9 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
-from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, chip, macro, table, tiles
+from pinotwin.report.blocks import Block, Group, Html, Page, Plot, Tile, chip, macro, table, tiles
 from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
-from pinotwin.report.page import Page
 from pinotwin.system.phrases import SIGNALS
 from pinotwin.version import __version__
 

@@ -12,10 +12,9 @@ import numpy as np
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.phrases import on_axis
 from pinotwin.diagnosis.result import Size
-from pinotwin.report.blocks import Html, Plot, chip, macro, paragraph, table
+from pinotwin.report.blocks import Html, Page, Plot, chip, macro, paragraph, table
 from pinotwin.report.comparison import in_pairs, over_labels, sizes_of
 from pinotwin.report.figures import effect_colour
-from pinotwin.report.page import Page
 from pinotwin.system.phrases import DAYS, LACKING_DAYS, STATES, capital, joined
 
 Row = Mapping[str, Any]

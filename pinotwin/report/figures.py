@@ -225,6 +225,12 @@ def longest(breaks: Mask) -> slice:
     return slice(int(edges[k]), int(edges[k + 1]))
 
 
+def blocks(t: Floats) -> Ints:
+    """Return the number of the unbroken stretch in which each row of t [s] (m,) lies."""
+    step = np.diff(t)
+    return np.r_[0, np.cumsum(step > 3.0 * np.median(step if len(step) else 1.0))].astype(np.intp)
+
+
 def visible_rows(signals: list[Floats], points: int = 800) -> Ints:
     """Return the rows (k,) that a screen needs, about ``points``: the extremes of every signal (m,) per pixel."""
     m = len(signals[0])

@@ -1,4 +1,4 @@
-"""The first screen of a diagnosis: how sure it is, on which data, what to do now, and one picture of the difference."""
+"""The first screen of a diagnosis: how sure it is, on which data, what to do now, and plots of the difference."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import plotly.graph_objects as go
+from scipy.signal import welch
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.grade import OPEN
 from pinotwin.diagnosis.phrases import label_words, on_axis, rivals
-from pinotwin.diagnosis.result import Diagnosis, Gap, Traces
+from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Traces
 from pinotwin.errors import PinotwinError
+from pinotwin.report import figures
 from pinotwin.report.blocks import Plot
-from pinotwin.report.diagnosis_plots import blocks, shown
 from pinotwin.report.diagnosis_verdict import event, rotary_axes
 from pinotwin.report.display import scale_of
-from pinotwin.report.figures import MEASURED, RESIDUAL, Line, Panel, over_time
+from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, line, over_time, style
 from pinotwin.system.phrases import OTHERWISE, SCREEN, SIGNALS, joined
 from pinotwin.twin import Twin
 
@@ -134,7 +137,7 @@ def _picture(d: Diagnosis, given: Traces) -> Plot | None:
     scale, small = scale_of("u", turns, measured), scale_of("u", turns, residuals[0].y)
     quiet = [Line(x.name, x.y, x.colour, legend=False) for x in residuals]
     panels = [Panel("effort", lines, scale, 1.5), Panel("residual", quiet, small)]
-    figure = over_time(t, panels, 330, block=blocks(given.t)[rows])
+    figure = over_time(t, panels, 330, block=figures.blocks(given.t)[rows])
     log = Path(d.prepared[given.log].log.source).name
     stretch = SCREEN["stretch"].format(start=t[0], end=t[-1], log=log)
     return Plot(figure, SCREEN["picture"].format(axis=given.axis), stretch)
@@ -143,7 +146,43 @@ def _picture(d: Diagnosis, given: Traces) -> Plot | None:
 def loudest(given: Traces) -> slice:
     """Return the rows of the stretch, a tenth of all, whose squared residual is largest; unbroken, if there is one."""
     width = max(len(given.t) // 10, min(len(given.t), 50))
-    power, block = np.r_[0.0, np.cumsum(given.before**2)], blocks(given.t)
+    power, block = np.r_[0.0, np.cumsum(given.before**2)], figures.blocks(given.t)
     broken = block[width - 1 :] != block[: len(block) - width + 1]
     start = int(np.argmax((power[width:] - power[:-width]) * np.where(broken & ~broken.all(), 0.0, 1.0)))
     return slice(start, start + width)
+
+
+def density(r: Region) -> float:
+    """Return how many times denser than even the squared residual lies in a region."""
+    return max(r.share / max(r.time_share, 1e-6), 1e-6)
+
+
+def shown(given: Traces) -> list[tuple[str, Floats, str]]:
+    """Return name, values and colour of log minus model, before and after the named effects."""
+    size = float(np.max(np.abs(given.before), initial=0.0))
+    same = np.allclose(given.before, given.after, rtol=0.0, atol=1e-4 * size)
+    if same:
+        return [("residual", given.before, RESIDUAL)]
+    return [("without the cause", given.before, RESIDUAL), ("with the cause", given.after, ACCENT)]
+
+
+def gap_figure(given: Traces, rotary: bool) -> go.Figure:
+    """Return log minus model over time, before and after the named effects."""
+    scale = scale_of("u", rotary, given.before)
+    panel = Panel("residual", [Line(*line) for line in shown(given)], scale)
+    return over_time(given.t, [panel], 300, block=figures.blocks(given.t))
+
+
+def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
+    """Return the amplitude spectrum (Welch 1967) of log minus model over the longest stretch, in windows of 2 s."""
+    step = np.diff(given.t)
+    usual = float(np.median(step))
+    stretch = figures.longest(step > 1.5 * usual)
+    width = min(stretch.stop - stretch.start, max(round(2.0 / usual), 16))
+    scale = scale_of("u", rotary, given.before)
+    figure = go.Figure()
+    for name, y, colour in shown(given):
+        f, power = welch(y[stretch], 1.0 / usual, nperseg=width)
+        figure.add_trace(line(f[1:], scale(np.sqrt(power[1:])), name, colour))
+    style(figure, 300, x="frequency [Hz]", y=f"residual [{scale.unit}/√Hz]")
+    return figure.update_yaxes(type="log")

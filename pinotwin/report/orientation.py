@@ -17,9 +17,8 @@ from pinotwin.imu import rotation as rot
 from pinotwin.log import Log
 from pinotwin.reconstruction.orientation import Orientation
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, Tile, tiles
+from pinotwin.report.blocks import Html, Page, Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, over_time
-from pinotwin.report.page import Page
 from pinotwin.version import __version__
 
 METHODS = {

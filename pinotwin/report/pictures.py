@@ -19,10 +19,9 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.reconstruction import Vibration
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
-from pinotwin.report.diagnosis_plots import gap_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
-from pinotwin.report.effort_plots import effort_figure
-from pinotwin.report.identification import identification_report
+from pinotwin.report.first_screen import gap_figure
+from pinotwin.report.identification import effort_figure, identification_report
 from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still

@@ -15,11 +15,10 @@ from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, chip, table
+from pinotwin.report.blocks import Html, Page, chip, table
 from pinotwin.report.closed_loop import Column, Scores, scores_table, servo_table
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.display import SIGNALS, scale_of
-from pinotwin.report.page import Page
 from pinotwin.signals import rms
 from pinotwin.simulation.score import bound, compare, measured
 from pinotwin.system.phrases import LOOPS, SERVOS, SIMULATED, SIMULATED_GRADES, joined

@@ -21,10 +21,9 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
-from pinotwin.report.blocks import Plot, heading, notes, paragraph, table
+from pinotwin.report.blocks import Page, Plot, Section, files_block, heading, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
 from pinotwin.report.display import percent
-from pinotwin.report.page import Page, Section, files_block
 from pinotwin.report.study_plots import amount_figure, coupling_figure, overlay_figure, removal_figure
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled

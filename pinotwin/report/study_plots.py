@@ -7,7 +7,6 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pinotwin.diagnosis.phrases import effect_words
-from pinotwin.report.diagnosis_plots import blocks
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import (
     ACCENT,
@@ -15,6 +14,7 @@ from pinotwin.report.figures import (
     RESIDUAL,
     Line,
     Panel,
+    blocks,
     broken,
     dots,
     line,

@@ -10,10 +10,9 @@ from scipy.signal import welch
 
 from pinotwin.reconstruction.document import size
 from pinotwin.reconstruction.result import Motion3, Vibration
-from pinotwin.report.blocks import Tile, tiles
+from pinotwin.report.blocks import Page, Tile, tiles
 from pinotwin.report.display import DEGREES
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, Line, Panel, line, over_time, style
-from pinotwin.report.page import Page
 from pinotwin.units import rounded
 
 _SHOWN = {

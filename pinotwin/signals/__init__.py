@@ -18,7 +18,6 @@ from pinotwin.signals.sampling import runs as runs
 from pinotwin.signals.sampling import segments as segments
 from pinotwin.signals.sampling import since_start as since_start
 from pinotwin.signals.sampling import uniform as uniform
-from pinotwin.signals.spectra import Spectrum as Spectrum
 from pinotwin.signals.spectra import autocorrelation as autocorrelation
 from pinotwin.signals.spectra import suggest_cutoff as suggest_cutoff
 from pinotwin.signals.spectra import welch as welch

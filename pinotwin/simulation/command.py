@@ -13,7 +13,7 @@ from pinotwin.columns import LOAD_SIGNALS, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
-from pinotwin.logs.channels import loads
+from pinotwin.logs.channels import joint_positions, loads
 from pinotwin.loop import command_rates
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -75,7 +75,7 @@ def request(machine: Machine, log: Log | Motion) -> Request:
     _require(machine, log, held)
     t = np.asarray(log.t, dtype=float)
     even, clock, notes = _clock(log)
-    q = _joint_commands(machine, log)
+    q = joint_positions(machine, log, "qr")
     if not even:
         q = np.asarray(scipy.interpolate.CubicSpline(t, q)(clock), dtype=float)
     step = float(clock[-1] - clock[0]) / (len(clock) - 1)
@@ -164,18 +164,6 @@ def _clock(log: Log) -> tuple[bool, Floats, tuple[str, ...]]:
         "was interpolated by a cubic spline onto an even clock"
     )
     return False, np.linspace(t[0], t[-1], count), (note,)
-
-
-def _joint_commands(machine: Machine, log: Log) -> Floats:
-    """Return commands in joint coordinates, ``q = N^-1 q_motor + zero``, shape (n, nv)."""
-    q = np.zeros((len(log), machine.nv))
-    for name, axis in machine.axes.items():
-        q[:, axis.index] = log[f"{name}.qr"]
-    if machine.transmission is not None:
-        q = np.linalg.solve(machine.transmission, q.T).T.astype(float)
-    for axis in machine.axes.values():
-        q[:, axis.index] += axis.zero
-    return q
 
 
 def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats, block: int = 50000) -> Floats:

@@ -43,7 +43,8 @@ class Law(NamedTuple):
         """Return a controller at the internal step h [s]."""
         steps = max(servo.dead, 0.0) / h
         offset = servo.offset if servo.form == "proportional" else math.nan
-        lags = (_share(lag, h) for lag in (servo.velocity_lag, servo.output_lag))
+        # y += a (x - y) is (1 - a) / a steps late at low frequencies
+        lags = (h / (h + max(lag, 0.0)) for lag in (servo.velocity_lag, servo.output_lag))
         notch = biquad(servo.notch, h) if servo.notch[0] > 0.0 else np.zeros(5)
         dead = (float(int(steps)), steps - int(steps))
         numbers = [*servo.gains, *lags, *notch.tolist(), *dead, servo.limit, offset, *servo.encoder]
@@ -55,11 +56,6 @@ def law_rows(servos: Sequence[Servo | None], h: float) -> np.ndarray:
     nothing = (0.0,) * len(Law._fields)
     laws = [nothing if servo is None else tuple(Law.of(servo, h)) for servo in servos]
     return np.array(laws, dtype=[(name, float) for name in Law._fields])
-
-
-def _share(lag: float, h: float) -> float:
-    """Return what a lag moves in a step: y += a (x - y) is (1 - a) / a steps late at low frequencies."""
-    return h / (h + lag) if lag > 0.0 else 1.0
 
 
 def biquad(notch: tuple[float, float, float], h: float) -> Floats:

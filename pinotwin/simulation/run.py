@@ -18,8 +18,8 @@ from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.simulation import coupled_kernel, kernel
-from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
+from pinotwin.simulation.kernel import lay_blocks
 from pinotwin.simulation.law import LONGEST, law_rows, substeps
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction

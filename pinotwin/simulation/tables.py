@@ -81,7 +81,9 @@ def tabulate(
             [*((i, -1) for i, _ in dry), *((i, j) for i, j, _ in sliding)], dtype=np.intp
         ).reshape(-1, 2),
         slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in sliding)]),
-        dry=np.array([*dry.values(), *(_level(c) for *_, c in sliding)]).reshape(-1, 2, SPEEDS + 1),
+        dry=np.array([*dry.values(), *(np.outer((c, -c), np.ones(SPEEDS + 1)) for *_, c in sliding)]).reshape(
+            -1, 2, SPEEDS + 1
+        ),
         slips=_joints(slip),
         give=np.array([1.0 / (x * yields(spread)) for _, (x, spread) in slip]).reshape(-1, ELEMENTS),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
@@ -196,15 +198,9 @@ def _merge(
     return found
 
 
-def _level(c: float) -> Floats:
-    """Return g+ and g- of plain dry friction."""
-    return np.stack([np.full(SPEEDS + 1, c), np.full(SPEEDS + 1, -c)])
-
-
 def _width(effect: Effect, rotary: bool) -> float:
     """Return the width of an element; a plain sign would chatter, so it turns over the usual one."""
-    width = getattr(effect, "width", None)
-    return float(width) if width else default_width(rotary)
+    return float(getattr(effect, "width", None) or default_width(rotary))
 
 
 def _bend(effect: Effect) -> tuple[float, float]:

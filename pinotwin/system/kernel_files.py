@@ -64,8 +64,9 @@ def _plain(code: CodeType) -> tuple[Any, ...]:
 
 
 def _fields(kind: Any) -> list[Any]:
-    """Return the names in a named tuple and in those that it holds: its type does not tell their order."""
-    return [*getattr(kind, "fields", ()), *map(_fields, getattr(kind, "types", ()))]
+    """Return class and names of a named tuple and of those that it holds: its type tells neither module nor order."""
+    own = (kind.instance_class, *kind.fields) if hasattr(kind, "instance_class") else ()
+    return [*own, *map(_fields, getattr(kind, "types", ()))]
 
 
 @cache

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.checks import as_log
+from pinotwin.dynamics.parameters import as_log
 from pinotwin.effects.scene import moves
 from pinotwin.errors import DataError, InputError
 from pinotwin.logs.files.given import LogLike

@@ -20,8 +20,7 @@ from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.machine import Machine
 from pinotwin.system.templates import asset, environment
 from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints, visual_model
-from pinotwin.viewer.stage import corners, framing, set_stage
-from pinotwin.viewer.still import still
+from pinotwin.viewer.stage import corners, framing, set_stage, still
 from pinotwin.viewer.tracks import Tracks
 
 GHOST, OTHER = "ghost", "overlay"

@@ -18,7 +18,7 @@ from pinotwin.machine import Machine
 from pinotwin.simulation.score import bound, measured
 from pinotwin.system.writing import write_bytes
 from pinotwin.viewer.scene import joint_poses, visual_model
-from pinotwin.viewer.still import triangles_of
+from pinotwin.viewer.stage import triangles_of
 
 SIGNALS = {"e": ("tracking error", "m", "rad"), "u": ("effort", "N", "N·m")}
 """Signal -> its name, and its units on a slide and on an axis that turns."""

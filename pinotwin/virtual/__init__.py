@@ -7,5 +7,3 @@ own integrator. Only the command line and the tests may import this package.
 from pinotwin.virtual.machine import VirtualMachine as VirtualMachine
 from pinotwin.virtual.recording import Recording as Recording
 from pinotwin.virtual.trajectories import random_trajectory as random_trajectory
-
-__all__ = ["Recording", "VirtualMachine", "random_trajectory"]

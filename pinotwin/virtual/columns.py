@@ -1,6 +1,14 @@
-"""Columns of the parameter table, one row per axis: compile-time constants that :mod:`.parameters` fills."""
+"""Columns of the parameter table, one row per axis: compile-time constants that :mod:`.parameters` fills.
+
+The kernel allocates nothing; counting references (numba's ``_nrt``) took half of the time.
+"""
 
 from __future__ import annotations
+
+from pinotwin.system.kernels import compiled
+
+kernel = compiled(error_model="numpy", _nrt=False)
+"""Decorator of every function of the kernel; such a function must not make an array."""
 
 # Controller.
 PID, KP, KV, KI, VFF, AFF, V_ALPHA, I_LIMIT, U_LIMIT, DELAY = range(10)

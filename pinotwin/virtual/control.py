@@ -6,7 +6,7 @@ State of an axis: integral part [N or N·m], filtered rate (backward difference,
 from __future__ import annotations
 
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.jit import kernel
+from pinotwin.virtual.columns import kernel
 
 INTEGRAL, RATE, PREVIOUS = range(3)
 N_STATE = 3

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.jit import kernel
+from pinotwin.virtual.columns import kernel
 
 # Slip levels and stiffnesses of the four elements, as shares of the whole.
 _LEVELS = (0.4, 0.3, 0.2, 0.1)

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.virtual import columns as c
+from pinotwin.virtual.columns import kernel
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force, steady_force
-from pinotwin.virtual.jit import kernel
 from pinotwin.virtual.rigid import apply_load, fold, invert, move, place
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.virtual.jit import kernel
+from pinotwin.virtual.columns import kernel
 
 
 class Tree(NamedTuple):

@@ -17,12 +17,12 @@ import pyarrow.csv as pacsv
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import LogError
 from pinotwin.logs.files import arrow, cells
+from pinotwin.logs.files.arrow import value_column
 from pinotwin.logs.files.cells import MISSING, is_clock, is_comment, is_list, is_number, split_cells
 from pinotwin.logs.files.clocks import Group, on_one_clock
 from pinotwin.logs.files.content import Content, Seen
 from pinotwin.logs.files.header import are_steps
 from pinotwin.logs.files.layout import Layout, inspect_layout, line_start
-from pinotwin.logs.files.long_form import value_column
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")

@@ -11,9 +11,8 @@ from pinotwin.log import Log
 from pinotwin.logs.clock import even_clock
 from pinotwin.logs.files.content import Holes
 from pinotwin.logs.quality.axes import axis_findings, inspect_axes
-from pinotwin.logs.quality.recorded import recorded_findings
+from pinotwin.logs.quality.recorded import recorded_findings, row_findings
 from pinotwin.logs.quality.results import ChannelQuality, Finding, Limits, Quality, Severity, finding
-from pinotwin.logs.quality.rows import row_findings
 from pinotwin.logs.quality.sampling import clock_findings
 from pinotwin.logs.quality.values import quantisation_step, saturated_rows, significant_digits
 from pinotwin.logs.settings import USUAL, Settings
