@@ -90,7 +90,8 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
         _refuse_counts(unit, 1.0, name, log)
         units[name] = unit
         channels[name] = _scaled(log[held], *scale[name])
-        notes += _said(held, name, unit, scale[name][0])
+        notes += [f"{name}: the file states {unit}, converted to SI"] if scale[name][0] != 1.0 else []
+        notes += [f"{name}: taken from {held}"] if held != name else []
     if not channels:
         raise LogError(
             f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and "
@@ -211,12 +212,6 @@ def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterat
             target = f"{match['joint']}.{JOINT_SIGNALS[match['field']]}"
             if target not in channels and target not in log:
                 yield name, target, log.units.get(name, "1")
-
-
-def _said(held: str, name: str, unit: str, factor: float) -> list[str]:
-    """Return what was done to a channel that passed without a mapping."""
-    converted = [f"{name}: the file states {unit}, converted to SI"] if factor != 1.0 else []
-    return converted + ([f"{name}: taken from {held}"] if held != name else [])
 
 
 def _refuse_counts(unit: str, factor: float | str, name: str, log: Log) -> None:

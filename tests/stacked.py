@@ -27,7 +27,7 @@ def stack(parts: Sequence[AxisRows], names: Sequence[str]) -> Problem:
     """Return the problem of several axes, numbered in the order given."""
     blocks = [np.zeros(len(x.y), int) if x.block is None else x.block for x in parts]
     return Problem(
-        W=np.concatenate([x.W for x in parts]),
+        W=scipy.sparse.csr_array(np.concatenate([x.W for x in parts])),
         y=np.concatenate([x.y for x in parts]),
         axis=np.repeat(np.arange(len(parts)), [len(x.y) for x in parts]),
         time=np.concatenate([x.time for x in parts]).astype(np.intp),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
+from scipy.sparse import csr_array
 
 from pinotwin.errors import DataError
 from pinotwin.solve.bounds import active_set
@@ -39,9 +40,9 @@ def test_known_levels_give_the_textbook_weighted_estimate():
     sigma = np.array([0.1, 10.0])
     fit = linear(problem, Options(sigma=sigma, inference="ols"))
     w = 1 / sigma[problem.axis]
-    reference = np.linalg.lstsq(problem.W * w[:, None], problem.y * w)[0]
+    reference = np.linalg.lstsq(problem.W.toarray() * w[:, None], problem.y * w)[0]
     assert_allclose(fit.theta, reference, rtol=1e-10)
-    H = (problem.W * w[:, None]).T @ (problem.W * w[:, None])
+    H = (problem.W.toarray() * w[:, None]).T @ (problem.W.toarray() * w[:, None])
     e = (problem.y - problem.W @ reference) * w
     assert_allclose(fit.covariance, np.linalg.inv(H) * (e @ e) / (len(e) - 5), rtol=1e-8)
 
@@ -51,7 +52,7 @@ def test_levels_are_found_and_sharpen_the_estimate():
     problem, truth = problem_of(rng, n=2000)
     fit = linear(problem)
     assert_allclose(fit.sigma, [0.1, 10.0], rtol=0.05)
-    plain = np.linalg.lstsq(problem.W, problem.y)[0]
+    plain = np.linalg.lstsq(problem.W.toarray(), problem.y)[0]
     assert np.linalg.norm(fit.theta - truth) < 0.1 * np.linalg.norm(plain - truth)
 
 
@@ -93,7 +94,7 @@ def test_units_of_the_parameters_do_not_matter():
     rng = np.random.default_rng(5)
     problem, _ = problem_of(rng)
     unit = np.geomspace(1e-5, 1e5, 5)
-    other = problem.with_columns(problem.W * unit, problem.names)
+    other = problem.with_columns(csr_array(problem.W.toarray() * unit), problem.names)
     a, b = linear(problem), linear(other)
     assert_allclose(b.theta * unit, a.theta, rtol=1e-8)
     assert_allclose(b.standard_errors * unit, a.standard_errors, rtol=1e-6)
@@ -105,7 +106,7 @@ def test_ridge_equals_extra_rows():
     problem, truth = problem_of(rng, n=20, levels=(1.0,))
     mean, std = truth + 0.1, np.full(5, 0.2)
     fit = linear(problem, Options(prior=Prior(mean), ridge=std, sigma=np.ones(1)))
-    A = np.concatenate([problem.W, np.diag(1 / std)])
+    A = np.concatenate([problem.W.toarray(), np.diag(1 / std)])
     reference = np.linalg.lstsq(A, np.concatenate([problem.y, mean / std]))[0]
     assert_allclose(fit.theta, reference, rtol=1e-9)
 
@@ -117,7 +118,7 @@ def test_bounds_equal_scipy_and_are_reported():
     lower = np.array([0, 0, 0, -np.inf, -np.inf])
     upper = np.array([np.inf, np.inf, 1.5, np.inf, np.inf])
     fit = linear(problem, Options(lower=lower, upper=upper, sigma=np.ones(1)))
-    reference = lsq_linear(problem.W, problem.y, (lower, upper), tol=1e-14).x
+    reference = lsq_linear(problem.W.toarray(), problem.y, (lower, upper), tol=1e-14).x
     assert_allclose(fit.theta, reference, atol=1e-7)
     assert fit.active.tolist() == [False, True, True, False, False]
     assert (interval(fit)[:, 0] >= lower).all()
@@ -198,7 +199,7 @@ def test_held_out_equals_refits_on_the_remaining_rows():
 )
 def test_rows_that_are_no_problem_are_refused(change, message):
     good = {
-        "W": np.ones((4, 2)),
+        "W": csr_array(np.ones((4, 2))),
         "y": np.ones(4),
         "axis": np.zeros(4, int),
         "time": np.arange(4),

@@ -208,7 +208,7 @@ def test_small_coordinates_keep_cost_and_gradient():
 
     def cost(x):
         W = np.zeros((len(problem.y), len(free)))
-        W[:, :10] = problem.W
+        W[:, :10] = problem.W.toarray()
         at = 10
         for m, part in zip(machine.moving, projection.split(x), strict=True):
             W[m.rows, at : at + len(m.names)] = m.at(part)

@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 56_600,
+    lines: 56_620,
     module_numbers: 123,
     numbers_without_unit: 308,
     stories: 6,

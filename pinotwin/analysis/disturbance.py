@@ -96,7 +96,7 @@ def generalised_disturbance(
     motion = plant.scene(motion)
     for effect, theta in plant.pairs:
         if effect.axis is not None and not effect.logged_effort and (modes or effect.mode() is None):
-            total += _effort(effect, theta, motion, total.shape[1])
+            total += effect.along(motion, theta)
     if motion.external is not None:
         total -= motion.external
     return total - np.sum(list(linear(motion, diagonal).values()), axis=0)
@@ -116,7 +116,7 @@ def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> dict[str, F
         for cause in dict.fromkeys(words):
             if cause not in ("viscous", "stiffness"):
                 own = np.where([w == cause for w in words], theta, 0.0)
-                parts[cause] = parts.get(cause, np.zeros((n, nv))) + _effort(effect, own, motion, nv)
+                parts[cause] = parts.get(cause, np.zeros((n, nv))) + effect.along(motion, own)
     inertia = linear(motion, plant.diagonal)["inertia"]
     for cause, effort in _rigid_parts(plant, motion, inertia).items():
         parts[cause] = parts[cause] + effort if cause in parts else effort
@@ -149,16 +149,6 @@ def _rigid_parts(plant: OpenLoop, motion: Motion, inertia: Floats) -> dict[str, 
         full = plant.rigid_effort(motion.q, motion.v, motion.a)
         parts["flexibility"] = full - whole - (inertia - np.where(moving, inertia, 0.0))
     return parts
-
-
-def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:
-    """Return the effort of one effect, in blocks where it has no memory (a table is wide)."""
-    if effect.depends not in ("position", "velocity"):
-        return effect.columns(motion).effort(theta, nv)
-    n, block = len(motion), 20_000
-    cuts = [motion.cut(start, min(start + block, n)) for start in range(0, n, block)]
-    parts = [effect.columns(part).effort(theta, nv) for part in cuts]
-    return np.concatenate(parts) if parts else np.zeros((0, nv))
 
 
 def linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -7,14 +7,13 @@ coefficients. A pure force F on a link follows from f = J(q)^T F, weighed by it,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
@@ -95,7 +94,10 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1
     residual, error = twin.residual(motion)[inside], twin.effort_error(motion)[inside]
     names = [name for name in twin.machine.axes if name in twin.misfit.summary]
     columns = [twin.machine.axes[name].index for name in names]
-    left = [_left(twin.misfit.summary[n], motion.use[inside, j]) for n, j in zip(names, columns, strict=True)]
+    own = [twin.misfit.summary[name] for name in names]
+    rest = [max(s["moving"], s["rms"] if s["resting"] is None else s["resting"]) for s in own]
+    pairs = zip(own, rest, columns, strict=True)
+    left = [np.where(motion.use[inside, j], s["moving"], still) for s, still, j in pairs]
     half = z * np.hypot(np.stack(left, axis=1), error[:, columns])
     found = ExternalEffort(
         t=motion.t[inside],
@@ -108,12 +110,6 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1
         source=log.source,
     )
     return found if link is None else replace(found, link=link_force(twin.machine, found, link))
-
-
-def _left(summary: Mapping[str, Any], moving: Mask) -> Floats:
-    """Return what the twin leaves at every row: its misfit in motion, or that at rest where it is known."""
-    at_rest = summary["resting"] if summary["resting"] is not None else summary["rms"]
-    return np.where(moving, summary["moving"], max(at_rest, summary["moving"]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,7 +133,8 @@ def summary(twin: Twin) -> list[str]:
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
         own = sizes.get(name, {})
-        apart = [_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting")]
+        apart = [own.get(kind) for kind in ("moving", "resting")]
+        apart = ["-" if x is None else f"{x:.3g} {own.get('unit', '')}" for x in apart]
         rows.append([name, *map(share_cell, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
     rows.append(["all", share_cell(quality["relative_error"]), "", "", "", ""])
     lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
@@ -158,8 +159,3 @@ def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
         )
         done = "corrected" if any(row["applied"] for row in found.values()) else "kept for the closed loop"
         yield f"time by which the effort leads the position [ms], {done}: {each}"
-
-
-def _size(x: float | None, unit: str) -> str:
-    """Return one cell of the misfit; a dash where an axis has no such row."""
-    return "-" if x is None else f"{x:.3g} {unit}"

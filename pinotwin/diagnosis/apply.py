@@ -73,7 +73,8 @@ def _with(machine: Machine, found: Found) -> Machine:
         own = {s.name for s in effect.shapes()}
         effect = dataclasses.replace(effect, **{k: v for k, v in found.shape.items() if k in own})  # type: ignore[type-var]
     effect = effect.settled()
-    if any(e.name == effect.name and (not e.several or _alike(e, found)) for e in axis.effects):
+    same, shape = [e for e in axis.effects if e.name == effect.name], found.shape.items()
+    if any(not e.several or all(abs(getattr(e, k) - x) <= SAME * abs(x) for k, x in shape) for e in same):
         return machine
     kept = [e for e in axis.effects if e.name not in effect.contains or e.several]
     return machine.with_effects(name, (*kept, effect))
@@ -82,8 +83,3 @@ def _with(machine: Machine, found: Found) -> Machine:
 def _kind(found: Found, machine: Machine) -> type[Effect] | None:
     """Return the class of the effect that a finding names; None for what is no effect."""
     return known(machine.effects).get(found.effect) if found.listed is None else type(found.listed)
-
-
-def _alike(listed: Effect, found: Found) -> bool:
-    """Whether a listed effect has the shapes of a finding, within :data:`SAME`."""
-    return all(abs(getattr(listed, k) - x) <= SAME * abs(x) for k, x in found.shape.items())

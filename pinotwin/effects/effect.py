@@ -93,8 +93,8 @@ class Columns:
     values: Floats
 
     def effort(self, theta: Floats, nv: int) -> Floats:
-        """Return the effort of this effect at every joint, shape (n, nv)."""
-        out = np.zeros((len(self.values), nv))
+        """Return the effort at every joint of coefficients (p,), shape (n, nv), or of each of (p, m), (n, nv, m)."""
+        out = np.zeros((len(self.values), nv, *np.shape(theta)[1:]))
         out[:, self.joints] = self.values @ np.asarray(theta, dtype=float)
         return out
 
@@ -120,6 +120,7 @@ class Effect(abc.ABC):
             without it.
         sharp: whether its effort changes faster than the motion does: its columns then go through the low-pass
             that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`.
+        pointwise: whether a row of its columns follows from q, v and a of that row of the motion alone.
         uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its axis.
         refined_in_loop: whether the closed loop may refine its coefficients, if it is friction or an effort of
             position.
@@ -156,6 +157,7 @@ class Effect(abc.ABC):
     fades: ClassVar[bool] = False
     held: ClassVar[bool] = False
     local: ClassVar[bool] = False
+    pointwise: ClassVar[bool] = False
     causes: ClassVar[tuple[Cause, ...]] = ("other",)
     depends: ClassVar[Depends] = "other"
     axis: str | None
@@ -179,6 +181,13 @@ class Effect(abc.ABC):
     @abc.abstractmethod
     def columns(self, motion: Motion) -> Columns:
         """Return the regressor columns for a motion."""
+
+    def along(self, motion: Motion, theta: Floats, block: int = 1 << 12) -> Floats:
+        """Return the effort of coefficients (p,), shape (n, nv), or of each of (p, m), (n, nv, m); tables by blocks."""
+        if not self.pointwise or len(motion) <= block:
+            return self.columns(motion).effort(theta, len(motion.names))
+        starts = range(0, len(motion), block)
+        return np.concatenate([self.along(motion.cut(k, min(k + block, len(motion))), theta) for k in starts])
 
     def shapes(self) -> tuple[Shape, ...]:
         """Return the parameters to search; none for an effect that is linear throughout."""

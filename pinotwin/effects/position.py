@@ -84,7 +84,7 @@ class PositionTable(AxisEffect):
     imitates = ("ripple", "ripple_modulated", "spring", "geometric_error")
     searched = 1  # how many knots
     held = True
-    local = True
+    local = pointwise = True
     causes = ("position",)
     depends = "position"
     # distance of the knots [m or rad]; 1 mm or 1 degree when not given, more on a long travel

@@ -44,6 +44,7 @@ class RigidBody(Effect):
     imitates = ("payload", "inertial_coupling", "wrist_coupling", "effort_scale")
     unlisted = "belongs to every machine; leave it out of the list"
     causes = ("rigid_body",)
+    pointwise = True
     model: pin.Model
     base: BaseParameters
     axis: str | None = None  # it belongs to the whole machine
@@ -63,6 +64,11 @@ class RigidBody(Effect):
     def columns(self, motion: Motion) -> Columns:
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)
         return Columns(tuple(range(self.model.nv)), values)
+
+    def along(self, motion: Motion, theta: Floats, block: int = 1 << 12) -> Floats:
+        if np.ndim(theta) > 1:
+            return Effect.along(self, motion, theta, block)
+        return self.effort(theta, motion.q, motion.v, motion.a)  # by Newton-Euler
 
     def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats, block: int = 20_000) -> Floats:
         """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m], with ``block`` rows of a regressor held at once.

@@ -6,12 +6,12 @@ it (``Effect.needs``) are added in a few passes. A wrong or late effort channel 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import mass_matrix
 from pinotwin.effects.effect import Columns, Effect
 from pinotwin.effects.layout import effect_slices
@@ -47,7 +47,7 @@ def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, 
     for effect, own in parts:
         if effect.needs or not moves(effect):
             continue
-        effort = effect.columns(motion).effort(own, nv)
+        effort = effect.along(motion, own)
         plain += effort
         if isinstance(effect, RigidBody):
             rigid += effort
@@ -55,7 +55,7 @@ def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, 
     motion = replace(motion, model=plain, rigid=rigid, mass=mass)
     scaling = [(e, x) for e, x in parts if e.needs and moves(e)]
     for _ in range(passes if scaling else 0):
-        total = plain + sum(e.columns(motion).effort(x, nv) for e, x in scaling)
+        total = plain + sum(e.along(motion, x) for e, x in scaling)
         motion = replace(motion, model=total)
     return motion
 
@@ -63,9 +63,22 @@ def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, 
 def total_effort(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Floats:
     """Return what the sensors log of a model's effort along a motion, shape (n, nv) [N or N·m]."""
     motion = with_model(motion, effects, theta)
-    nv = len(motion.names)
     acting = [(e, own) for e, own in _with_own(effects, theta) if e.family.acts != "loop"]
-    return sum((e.columns(motion).effort(own, nv) for e, own in acting), start=np.zeros((len(motion), nv)))
+    return sum((e.along(motion, own) for e, own in acting), start=np.zeros(motion.q.shape))
+
+
+def blocks(
+    motion: Motion,
+    effects: Sequence[Effect],
+    whole: Sequence[Columns | None],
+    rows: Ints,
+    block: int = 1 << 12,
+) -> Iterator[tuple[slice, list[Columns]]]:
+    """Yield blocks of ascending ``rows`` (m,) and the effects' columns there, of ``whole`` ones (m, ...) or formed."""
+    for start in range(0, len(rows), block):
+        some = slice(start, min(start + block, len(rows)))
+        piece, pairs = motion.at(rows[some]), zip(whole, effects, strict=True)
+        yield some, [Columns(c.joints, c.values[some]) if c else e.columns(piece) for c, e in pairs]
 
 
 def _with_own(effects: Sequence[Effect], theta: Floats) -> list[tuple[Effect, Floats]]:

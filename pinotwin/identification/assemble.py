@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.effects import Effect
+from pinotwin.effects import Columns, Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
+from pinotwin.effects.scene import blocks
 from pinotwin.errors import DataError
 from pinotwin.identification.settings import Settings
 from pinotwin.motion import Motion
@@ -87,30 +89,13 @@ def thin(motion: Motion, values: Floats) -> Floats:
     return decimate_zero_phase(values, motion.decimation, motion.segments)
 
 
-def joint_columns(motion: Motion, effect: Effect, joint: int) -> Floats | None:
-    """Return the thinned columns of one effect at one joint, shape (m, p), or None if it does not act there."""
-    columns = effect.columns(motion)
-    if joint not in columns.joints:
-        return None
-    return thin(motion, columns.values[:, columns.joints.index(joint), :])
-
-
 def assemble(motion: Motion, effects: Sequence[Effect], rows: Rows | None = None) -> Problem:
     """Return the stacked least-squares problem of all joints, shapes fixed; rows chosen from the motion when None."""
     rows = rows or choose_rows(motion)
-    slices = effect_slices(effects)
-    total = sum(int(k.sum()) for k in rows.kept)
-    w = np.zeros((total, slices[-1].stop))
-    for effect, where in zip(effects, slices, strict=True):
-        columns = effect.columns(motion)
-        for at, joint in enumerate(columns.joints):
-            if joint in rows.joints:
-                part = thin(motion, columns.values[:, at, :])
-                w[rows.slice_of(joint), where] = part[rows.kept[rows.joints.index(joint)]]
     u = np.nan_to_num(motion.u if motion.external is None else motion.u + motion.external)
     pairs = list(zip(rows.joints, rows.kept, strict=True))
     return Problem(
-        W=w,
+        W=_columns(motion, effects, rows),
         y=np.concatenate([thin(motion, u[:, joint])[kept] for joint, kept in pairs]),
         axis=np.concatenate([np.full(int(kept.sum()), joint) for joint, kept in pairs]),
         time=np.concatenate([np.flatnonzero(kept) for _, kept in pairs]),
@@ -119,6 +104,27 @@ def assemble(motion: Motion, effects: Sequence[Effect], rows: Rows | None = None
         second=1.0 / (motion.step * motion.decimation),
         turning=np.concatenate([_turning(motion, effects, j)[rows.sample[kept]] for j, kept in pairs]),
     )
+
+
+def _columns(motion: Motion, effects: Sequence[Effect], rows: Rows) -> csr_array:
+    """Return the columns of all effects at the rows of all joints, sparse."""
+    slices, parts = effect_slices(effects), {joint: list[csr_array]() for joint in rows.joints}
+    every = (None if e.pointwise and motion.decimation == 1 else e.columns(motion) for e in effects)
+    whole = [c and Columns(c.joints, _thinned(motion, c.values)) for c in every]
+    for some, formed in blocks(motion, effects, whole, rows.sample):
+        for joint, kept in zip(rows.joints, rows.kept, strict=True):
+            acting = [(c, s) for c, s in zip(formed, slices, strict=True) if joint in c.joints]
+            dense = np.hstack([c.values[kept[some], c.joints.index(joint)] for c, _ in acting])
+            at, there = np.r_[*(s for _, s in acting)].astype(np.int32), dense != 0.0
+            starts = np.append(0, np.cumsum(there.sum(axis=1))).astype(np.int32)
+            entries = dense[there], np.broadcast_to(at, dense.shape)[there], starts
+            parts[joint].append(csr_array(entries, (len(dense), slices[-1].stop)))
+    return vstack([x for own in parts.values() for x in own], format="csr")
+
+
+def _thinned(motion: Motion, values: Floats) -> Floats:
+    """Return columns (n, k, p) thinned joint by joint: a filter holds several copies."""
+    return np.stack([thin(motion, values[:, k]) for k in range(values.shape[1])], axis=1)
 
 
 def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.1) -> Mask:

@@ -87,22 +87,18 @@ def fit_servos(
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
-        found.quality[name] = _row(servo)
+        found.quality[name] = {
+            "form": servo.servo.form,
+            "fit": dict(zip("eu", servo.errors, strict=True)),
+            "held_out": dict(zip("eu", servo.held_out, strict=True)),
+            "friction": dict(zip(PLANT[1:], servo.factors[1:], strict=True)),
+        }
         if not servo.held_out[0] <= settings.missed:
             found.notes.append(
                 f"{name}: the identified controller fails to predict {servo.held_out[0]:.0%} of the tracking error "
                 "on held-out data. Do not use its gains; an effect of the plant may be missing"
             )
     return found
-
-
-def _row(found: Found) -> dict[str, Any]:
-    return {
-        "form": found.servo.form,
-        "fit": dict(zip("eu", found.errors, strict=True)),
-        "held_out": dict(zip("eu", found.held_out, strict=True)),
-        "friction": dict(zip(PLANT[1:], found.factors[1:], strict=True)),
-    }
 
 
 def follows_exactly(raw: Motion, joint: int) -> bool:
@@ -248,7 +244,7 @@ def _friction_effort(plant: OpenLoop, motion: Motion, name: str) -> Floats:
     for effect, s in zip(plant.effects, plant.slices, strict=True):
         own = effect.axis == name and effect.depends in ("direction", "displacement", "velocity")
         if own and effect.causes[0] != "viscous":
-            total += effect.columns(motion).effort(plant.theta[s], plant.machine.nv)[:, i]
+            total += effect.along(motion, plant.theta[s])[:, i]
     return total
 
 

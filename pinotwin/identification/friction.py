@@ -55,12 +55,11 @@ def widths(logs: Sequence[tuple[Floats, Floats]], prior: float, count: float) ->
     if len(logs) < 2:
         return np.sqrt(s2)
     few = len(logs) / (len(logs) - 1)  # the model has seen these logs
+    N, g = (np.array(x) for x in zip(*((U.T @ U, U.T @ r) for U, r in logs), strict=True))
     for _ in range(200):
-        seen = np.zeros(len(s2))
-        for U, r in logs:
-            C = np.linalg.inv(U.T @ U + np.diag(1.0 / s2))
-            seen += few * (C @ (U.T @ r)) ** 2 + np.diag(C)
-        s2 = (count * prior**2 + seen) / (count + len(logs))
+        C = np.linalg.inv(N + np.diag(1.0 / s2))
+        seen = few * np.einsum("kij,kj->ki", C, g) ** 2 + np.diagonal(C, axis1=1, axis2=2)
+        s2 = (count * prior**2 + seen.sum(axis=0)) / (count + len(logs))
     return np.sqrt(s2)
 
 

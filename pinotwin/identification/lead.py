@@ -15,7 +15,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import DataError
-from pinotwin.identification.assemble import Rows, assemble, choose_rows, thin
+from pinotwin.identification.assemble import Rows, choose_rows, thin
 from pinotwin.identification.plant import Plant, fit_options
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -37,9 +37,8 @@ class Lead:
     significant: bool  # whether the effort should be put back by it
 
 
-def find_leads(  # noqa: PLR0913, what decides has its default
+def find_leads(
     machine: Machine,
-    motion: Motion,
     plant: Plant,
     *,
     longest: float = 0.02,
@@ -54,16 +53,17 @@ def find_leads(  # noqa: PLR0913, what decides has its default
     longest seen on a drive; more is another fault of the model) and explains the share ``worth`` of the residual's
     power. The sampling of a controller leaves a standard error of ``finest`` steps of the log in any case.
     """
+    motion, top = plant.motion, np.abs(plant.motion.v).max(axis=0, initial=0.0)
     rows = choose_rows(replace(motion, use=np.ones_like(motion.use)))  # unbroken, to be differentiated
-    top = np.abs(motion.v).max(axis=0, initial=0.0)
     usable = (motion.use & (np.abs(motion.v) > fast * top))[rows.sample]
     mask = np.concatenate([usable[:, joint] for joint in rows.joints])
+    fitted = zip(plant.rows.joints, plant.rows.kept, strict=True)
     try:
-        problem = assemble(motion, plant.effects, rows)
-        columns, motors = _columns(machine, motion, problem.W @ plant.theta, rows)
-        turns, _ = _columns(machine, motion, problem.W @ _dry(plant), rows)
+        columns, motors = _columns(machine, plant, rows)
+        turns, _ = _columns(machine, plant, rows, dry=True)
+        problem = plant.fit.problem.rows(np.concatenate([usable[kept, joint] for joint, kept in fitted]))
         options = fit_options(machine, plant.effects, motion)
-        problem, options = _beside(problem.rows(mask), options, turns[mask])
+        problem, options = _beside(problem, options, turns[mask])
         before = linear(problem, replace(options, inference="none")).residual
         p = problem.parameters
         wide, options = _beside(problem, options, columns[mask])
@@ -87,28 +87,21 @@ def find_leads(  # noqa: PLR0913, what decides has its default
     return out
 
 
-def _dry(plant: Plant) -> Floats:
-    """Return the coefficients of the effects that follow the direction, and zeros for all others, shape (p,)."""
-    out = np.zeros(len(plant.theta))
-    for effect, where in zip(plant.effects, effect_slices(plant.effects), strict=True):
-        out[where] = plant.theta[where] if effect.depends == "direction" else 0.0
-    return out
-
-
 def _beside(problem: Problem, options: Options, columns: Floats) -> tuple[Problem, Options]:
     """Return a problem with more columns, shape (rows, n), without bounds."""
-    p, n = problem.W.shape[1], columns.shape[1]
-    names = (*problem.names, *(f"column {p + k}" for k in range(n)))
-    wide = replace(problem, W=np.column_stack([problem.W, columns]), names=names)
+    p, n = problem.parameters, columns.shape[1]
+    wide = problem.beside(columns, [f"column {p + k}" for k in range(n)])
     return wide, options.by_coefficient(lambda x, none: np.append(x, np.full(n, none)))
 
 
-def _columns(machine: Machine, motion: Motion, effort: Floats, rows: Rows) -> tuple[Floats, list[int]]:
-    """Return a column per motor, the rate of its model effort in the joints it acts on, and which motors."""
-    ratio = _ratio(machine)
-    n = len(rows.sample)
+def _columns(machine: Machine, plant: Plant, rows: Rows, *, dry: bool = False) -> tuple[Floats, list[int]]:
+    """Return a column a motor, the rate of its effort, or of ``dry`` friction's, in its joints; which motors."""
+    ratio, motion, n = _ratio(machine), plant.motion, len(rows.sample)
+    pairs = zip(plant.effects, effect_slices(plant.effects), strict=True)
+    acting = [(effect, s) for effect, s in pairs if not dry or effect.depends == "direction"]
+    effort = sum((effect.along(motion, plant.theta[s]) for effect, s in acting), np.zeros_like(motion.q))
     model = np.zeros((n, machine.nv))
-    model[:, list(rows.joints)] = effort.reshape(len(rows.joints), n).T
+    model[:, rows.joints] = thin(motion, effort[:, rows.joints])
     step = motion.step * motion.decimation
     edges = np.flatnonzero(np.diff(rows.block)) + 1
     blocks = [slice(int(a), int(b)) for a, b in zip(np.r_[0, edges], np.r_[edges, n], strict=True)]
@@ -129,7 +122,7 @@ def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], le
     ratio = _ratio(machine)
     u = np.nan_to_num(motion.u) @ np.linalg.inv(ratio)
     for k, lead in zip(motors, leads, strict=True):
-        for s in motion.segments:
+        for s in motion.segments if lead else ():
             u[s, k] = put_back(motion.t[s], u[s, k], lead)
     joint = u @ ratio
     if motion.external is not None:

@@ -111,10 +111,13 @@ def own_residual(twin: Twin) -> Floats:
 
 def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Floats:
     motion, effort = plant.scene(motion), np.zeros((len(motion), plant.machine.nv))
+    every, parts = np.arange(len(motion)), [np.flatnonzero(fold == k) for k in range(len(theta))]
     for effect, where in zip(plant.effects, plant.slices, strict=True):
-        columns = effect.columns(motion)
-        at = list(columns.joints)
-        effort[:, at] += np.einsum("nkp,np->nk", columns.values, theta[:, where][fold])
+        if not effect.pointwise:
+            effort += effect.along(motion, theta[:, where].T)[every, :, fold]
+            continue
+        for part, own in zip(parts, theta[:, where], strict=True):
+            effort[part] += effect.along(motion.at(part), own)
     if motion.external is not None:
         effort = effort - motion.external
     return motion.u - effort

@@ -184,7 +184,7 @@ def _with_leads(
     """
     plant = fitted(machine)
     given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}
-    found = {} if machine.passive else find_leads(machine, plant.motion, plant)
+    found = {} if machine.passive else find_leads(machine, plant)
     listed = {name for name, axis in machine.axes.items() if any(e.logged_effort for e in axis.effects)}
     found = {name: lead for name, lead in found.items() if name not in given and name not in listed}
     closed = loop and plant.motion.qr is not None

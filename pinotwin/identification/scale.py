@@ -121,9 +121,9 @@ def _rows(machine: Machine, motion: Motion) -> dict[int, tuple[Floats, Floats]]:
     lags = round(1.0 / (motion.step * motion.decimation))
     out = {}
     for joint, part in problem.slices.items():
-        own = problem.filled[joint]
+        own, A = problem.dense(part)
         beta = (own >= rigid.start) & (own < rigid.stop)
-        W, y = problem.W[part, own], problem.y[part]
+        W, y = A[:, :-1], A[:, -1]
         left = y - W @ np.linalg.lstsq(W, y, rcond=1e-9)[0]
         rho = autocorrelation(left, min(lags, len(left) - 1))
         memory = 1.0 + 2.0 * rho[1 : 1 + int(np.argmax(rho[1:] < 0.0)) if (rho < 0.0).any() else None].sum()

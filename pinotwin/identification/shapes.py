@@ -15,6 +15,7 @@ from pinotwin.identification.settings import better
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options
 from pinotwin.solve.moving import Moving
+from pinotwin.solve.projection import Span
 from pinotwin.solve.result import LinearFit, ShapeFit
 from pinotwin.solve.separable import separable
 
@@ -37,15 +38,14 @@ def search_shapes(
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]
     order = np.concatenate([np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]])
-    problem = assemble(motion, [effects[i] for i in fixed], rows)
     keys, names = effect_keys(effects), coefficient_names(effects)
-    problem = problem.with_columns(problem.W, [names[k] for k in order[: problem.parameters]])
     blocks = [_moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched]
     present = {k: np.array(effects[i].shape_values()) for k, i in enumerate(searched)}
     known = {} if unknown is None else {k: x for k, x in present.items() if searched[k] not in unknown}
-    found = separable(problem, blocks, options.by_coefficient(lambda x, _: x[order]), known)
+    ordered = options.by_coefficient(lambda x, _: x[order])
+    found = separable(assemble(motion, [effects[i] for i in fixed], rows), blocks, ordered, known)
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
-    return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
+    return _restored(found.fit, np.argsort(order), names), shaped, errors, bounds
 
 
 def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
@@ -58,12 +58,13 @@ def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) 
             continue
         own = rows.only(joint)
         rest = assemble(motion, [e for e in effects if e is not effect], own)
-        basis = np.linalg.qr(rest.W[:, rest.W.any(axis=0)])[0]
-        y = rest.y - basis @ (basis.T @ rest.y)
+        span = Span.of(rest, slice(0, len(rest.y)), effort=False)
+        y = span.split(rest.y[:, None])[1][:, 0]
 
-        def left(form: Effect, own: Rows = own, y: Floats = y, basis: Floats = basis) -> float:
-            W = assemble(motion, [form], own).W
-            W = W - basis @ (basis.T @ W)
+        def left(form: Effect, own: Rows = own, y: Floats = y, span: Span = span) -> float:
+            columns = form.columns(motion)
+            at = columns.joints.index(own.joints[0])
+            W = span.split(thin(motion, columns.values[:, at])[own.kept[0]])[1]
             return float(np.linalg.norm(y - W @ np.linalg.lstsq(W, y, rcond=1e-9)[0]))
 
         if (best := better(effect, forms, left, pays)) is not effect:
@@ -98,13 +99,13 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
     )
 
 
-def _restored(fit: LinearFit, back: Ints) -> LinearFit:
+def _restored(fit: LinearFit, back: Ints, names: Sequence[str]) -> LinearFit:
     """Return the fit with its parameters in the order ``back`` picks them."""
     place, problem = np.argsort(back), fit.problem
     each = ("theta", "dof", "determined", "active", "lower", "upper")
     return replace(
         fit,
-        problem=problem.with_columns(problem.W[:, back], [problem.names[k] for k in back]),
+        problem=problem.with_columns(problem.W[:, back], names),
         covariance=fit.covariance[np.ix_(back, back)],
         unexcited=tuple(sorted(int(place[k]) for k in fit.unexcited)),
         groups=tuple(tuple(sorted(int(place[k]) for k in group)) for group in fit.groups),

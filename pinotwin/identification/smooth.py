@@ -10,6 +10,7 @@ knots. P = K(length) / amplitude^2, see :func:`pinotwin.effects.position.stiffne
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -45,19 +46,18 @@ def with_beliefs(
     tables = {k: e for k, e in tables.items() if motion.index(e.axis) in rows.joints}
     if not tables:
         return out
-    told = _Told.of(motion, rows, out)
-    fit = told.tuned(out, tables, options)
-    for _ in range(searches):
-        found = {k: told.pitches(table, fit) for k, table in tables.items()}
+    while True:
+        told = _Told.of(motion, rows, out)
+        fit = told.tuned(out, tables, options)
+        found = {k: told.pitches(table, fit) if searches else [] for k, table in tables.items()}
         if not any(found.values()):
-            break
+            told.tuned(out, tables, options, passing=True)
+            return out
+        del told  # of a long log a gigabyte
+        searches -= 1
         for k, table in tables.items():
             table = replace(table, pitches=(*table.pitches, *found[k]), amplitude=None, length=None)
             out[k] = tables[k] = table
-        told = _Told.of(motion, rows, out)
-        fit = told.tuned(out, tables, options)
-    told.tuned(out, tables, options, passing=True)
-    return out
 
 
 def memory(motion: Motion, seconds: float = 1.0) -> int:
@@ -133,20 +133,18 @@ class _Told:
 
         Of ``most`` rows and more some are left out, evenly: neighbours tell the same.
         """
-        ripple, sight = (
-            Ripple(table.axis, table.rotary, endless=table.endless),
-            Sight.of(self.motion, table.axis),
-        )
-        tried = [e.period for e in ripple.trials(self.motion, sight) if isinstance(e, Ripple)]
+        sight = Sight.of(self.motion, table.axis)
+        trials = Ripple(table.axis, table.rotary, endless=table.endless).trials(self.motion, sight)
+        tried = [e.period for e in trials if isinstance(e, Ripple)]
         if table.amplitude is None or not tried:
             return []
         joint, problem, rates = self.motion.index(table.axis), self.problem, 1.0 / np.array(tried)
-        part, own, place = problem.slices[joint], problem.filled[joint], list(problem.slices).index(joint)
+        part, place = problem.slices[joint], list(problem.slices).index(joint)
         step = -(-(part.stop - part.start) // most)
-        at, weight = slice(part.start, part.stop, step), np.sqrt(step) / fit.sigma[place]
-        belief = fit.options.belief
+        own, rows = problem.dense(np.arange(part.start, part.stop, step))
+        belief, weight = fit.options.belief, np.sqrt(step) / fit.sigma[place]
         assert belief is not None
-        A, y = np.concatenate([problem.W[at][:, own] * weight, belief[:, own]]), problem.y[at] * weight
+        A, y = np.concatenate([rows[:, :-1] * weight, belief[:, own]]), rows[:, -1] * weight
         U = (A @ analyse(A, fit.options.tolerance).root)[: len(y)]
         q = self.motion.q[self.rows.sample[self.rows.kept[self.rows.joints.index(joint)]], joint][::step]
         waves, found = _Waves(q, weight, table.amplitude**-2.0, table.alike), list[float]()
@@ -160,7 +158,7 @@ class _Told:
             if gain[best] < np.log(len(rates)):
                 break
             found.append(float(1.0 / near[best]))
-            Z, L = waves.of(near[[best]]), np.linalg.cholesky(H[best])
+            Z, L = waves.of(near[[best]])[:, 0].T, np.linalg.cholesky(H[best])
             new = np.linalg.solve(L, (Z - U @ (U.T @ Z)).T).T
             e, U = e - new @ np.linalg.solve(L, g[best]), np.hstack([U, new])
         return found
@@ -176,18 +174,24 @@ class _Waves:
     alike: float  # rows that tell as much as an independent one
 
     def of(self, rates: Floats) -> Floats:
-        """Return cos and sin of waves of some rates (k,) [1/m or 1/rad], side by side, shape (n, 2 k)."""
-        return np.exp(2j * np.pi * np.outer(self.q, rates)).view(float) * self.weight
+        """Return cos and sin of waves of even rates (k,) [1/m or 1/rad], shape (2, k, n): products of a few of them."""
+        few, step = math.isqrt(len(rates)), rates[-1] - rates[0]
+        fine = np.arange(few) * (step / max(len(rates) - 1, 1))
+        coarse, fine = (np.exp(2j * np.pi * np.outer(x, self.q)) for x in (rates[::few], fine))
+        waves = (coarse[:, None] * fine).reshape(-1, len(self.q))[: len(rates)] * self.weight
+        return np.array([waves.real, waves.imag])
 
-    def likelier(self, rates: Floats, U: Floats, e: Floats) -> tuple[Floats, Floats, Floats]:
+    def likelier(self, rates: Floats, U: Floats, e: Floats, most: int = 64) -> tuple[Floats, Floats, Floats]:
         """Return what each wave adds to the log likelihood (k,), and H (k, 2, 2) and b (k, 2) that tell it.
 
-        U are the rows (n, p) of orthonormal columns of the model, and e (n,) what it leaves.
+        U are the rows (n, p) of orthonormal columns of the model, e (n,) what it leaves; at most so many are formed.
         """
-        Z = self.of(rates)
-        own, pairs, C = np.eye(2) * self.prior, Z.reshape(len(Z), -1, 2), (U.T @ Z).reshape(U.shape[1], -1, 2)
-        H = np.einsum("nki,nkj->kij", pairs, pairs) - np.einsum("nki,nkj->kij", C, C)
-        b = (e @ Z).reshape(-1, 2)
+        H, b, own = np.empty((len(rates), 2, 2)), np.empty((len(rates), 2)), np.eye(2) * self.prior
+        for start in range(0, len(rates), most):
+            some = slice(start, start + most)
+            Z = self.of(rates[some])
+            whole, inside = (np.einsum("ikn,jkn->kij", X, X) for X in (Z, Z @ U))
+            H[some], b[some] = whole - inside, (Z @ e).T
         gain = np.einsum("ki,ki->k", b, np.linalg.solve(H / self.alike + own, b[:, :, None])[:, :, 0])
         size = np.linalg.slogdet(np.eye(2) + H / (self.alike * self.prior))[1]
         return 0.5 * (gain / self.alike**2 - size), H, b

@@ -32,20 +32,20 @@ def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Se
 
 
 def _both_ways(x: Floats, by: tuple[Floats, Floats], order: int, segments: Segments) -> Floats:
-    """Filter each stretch of x, (n,) or (n, k), both ways, extended by odd reflection over 3 * order samples."""
-    pad, sos, rest = 3 * order, by[0], by[1].reshape(*by[1].shape, *[1] * (x.ndim - 1))
-    out = x.copy()
+    """Filter each stretch of x, (n, ...), both ways, extended by odd reflection over 3 * order samples."""
+    pad, sos, rest = 3 * order, by[0], by[1][:, :, None]
+    out, moving = x.copy(), x.any(axis=0)
     for part in _stretches(x, segments):
         if len(x[part]) <= pad:
             raise DataError(
                 f"a stretch of {len(x[part])} samples is too short for a filter of order {order}, "
                 f"which needs {pad + 1}; leave it out or lower the order"
             )
-        y = x[part]
+        y = x[part][:, moving]
         y = np.concatenate([2.0 * y[:1] - y[pad:0:-1], y, 2.0 * y[-1:] - y[-2 : -2 - pad : -1]])
         for _ in range(2):  # from rest on the first sample
             y = scipy.signal.sosfilt(sos, y, axis=0, zi=rest * y[:1])[0][::-1]
-        out[part] = y[pad:-pad]
+        out[part][:, moving] = y[pad:-pad]
     return out
 
 

@@ -260,9 +260,7 @@ def _logged(twin: Twin, out: Response) -> Response:
 
 def _effort(effects: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
     """Return the effort of some effects along a motion, shape (n, nv)."""
-    nv = len(motion.names)
-    parts = (effect.columns(motion).effort(theta, nv) for effect, theta in effects)
-    return sum(parts, start=np.zeros((len(motion), nv)))
+    return sum((effect.along(motion, theta) for effect, theta in effects), start=np.zeros(motion.q.shape))
 
 
 def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:

@@ -136,7 +136,7 @@ def _effort(
             state[k, :, i] = x[rows]
         t = np.arange(float(rows.stop - start))
         motion = Motion.exact((machine.names, machine.rotary), t, *state, step=1.0)
-        out[rows] = effect.columns(motion).effort(theta, machine.nv)[:, i]
+        out[rows] = effect.along(motion, theta)[:, i]
     return out
 
 

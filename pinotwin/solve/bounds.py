@@ -11,7 +11,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
-from pinotwin.solve.rank import Rank
+from pinotwin.solve.rank import Rank, r_factor
 
 
 def bounded(
@@ -27,12 +27,11 @@ def bounded(
     b = np.concatenate([z, weak * (hold @ start)])
     low, high = lower / unit, upper / unit
     limited = np.isfinite(low) | np.isfinite(high)
-    theta = np.zeros(len(unit))
-    Q, T = np.linalg.qr(A[:, ~limited])
-    rest = A[:, limited] - Q @ (Q.T @ A[:, limited])  # the unbounded columns follow anyway
-    theta[limited] = _within(rest, b - Q @ (Q.T @ b), low[limited], high[limited])
-    if (~limited).any():
-        theta[~limited] = np.linalg.lstsq(T, Q.T @ (b - A[:, limited] @ theta[limited]), rcond=None)[0]
+    theta, free = np.zeros(len(unit)), np.count_nonzero(~limited)
+    T = r_factor(np.column_stack([A[:, ~limited], A[:, limited], b]))
+    theta[limited] = _within(T[free:, free:-1], T[free:, -1], low[limited], high[limited])
+    right = T[:free, -1] - T[:free, free:-1] @ theta[limited]  # the unbounded columns follow anyway
+    theta[~limited] = scipy.linalg.solve_triangular(T[:free, :free], right)
     theta = np.clip(theta * unit, lower, upper)
     return theta, (theta <= lower) | (theta >= upper)
 

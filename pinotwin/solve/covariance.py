@@ -25,6 +25,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.solve.jackknife import moved
 from pinotwin.solve.problem import Problem
+from pinotwin.solve.rank import r_factor
 
 Inference = Literal["blocks", "ols", "none"]
 """By blocks left out; as of independent residuals, wrong for filtered data; or nan, where the estimate is all."""
@@ -55,10 +56,11 @@ def spread(
         return Spread(root @ root.T * level, np.full(p, float(left)))
 
     def step(rows: Mapping[int, slice | Ints]) -> tuple[Floats, Floats]:
-        """Return the rows' columns in the directions of ``root``, (k, rank), and how far the fit moves without them."""
-        parts = [(part, problem.filled[i], s) for (i, part), s in zip(rows.items(), sigma, strict=True)]
-        V = np.concatenate([problem.W[part][:, own] @ (root[own] / s) for part, own, s in parts])
-        return V, root @ moved(V, np.concatenate([e[part] for part in rows.values()]))
+        """Return V, (k, rank), for the rows' V'V in directions of ``root``, and how far the fit moves without them."""
+        parts = [problem.dense(part, e) for part in rows.values()]
+        short = [(own, r_factor(A) if len(A) > len(own) else A) for own, A in parts]
+        V = np.concatenate([A[:, :-1] @ (root[own] / s) for (own, A), s in zip(short, sigma, strict=True)])
+        return V, root @ moved(V, np.concatenate([A[:, -1] for _, A in short]))
 
     told, steps = np.zeros((2, p)), []
     for rows in problem.seconds():

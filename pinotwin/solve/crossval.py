@@ -16,6 +16,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.solve.linear import Options, Solution, merged, reduce, solve
 from pinotwin.solve.problem import Problem
+from pinotwin.solve.rank import BLOCK
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class HeldOut:
 
     def by(self, problem: Problem, theta: Floats, whole: Floats) -> Self:
         """Return the predictions by other coefficients of each fold, shape (folds, p), and of all rows, shape (p,)."""
-        error = problem.y - np.einsum("np,np->n", problem.W, theta[self.fold])
+        error = problem.y - (problem.W @ theta.T)[np.arange(len(self.fold)), self.fold]
         return replace(self, theta=theta, error=error, whole=whole)
 
     def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
@@ -51,10 +52,11 @@ class HeldOut:
         weight = 1.0 / self.sigma[problem.axis_place]
         for k, each in enumerate(N):
             spread = np.linalg.inv(each / np.outer(size, size) + ridge * np.eye(len(size)))
-            for i, part in problem.slices.items():
-                own, rows = problem.filled[i], np.flatnonzero(self.fold[part] == k) + part.start
-                x = problem.W[np.ix_(rows, own)] * weight[rows, None] / size[own]
-                out[rows] = np.einsum("np,np->n", x @ spread[np.ix_(own, own)], x)
+            rows = np.flatnonzero(self.fold == k)
+            for some in np.split(rows, np.arange(BLOCK, len(rows), BLOCK)):
+                own, A = problem.dense(some)
+                x = A[:, :-1] * weight[some, None] / size[own]
+                out[some] = np.einsum("np,np->n", x @ spread[np.ix_(own, own)], x)
         return out
 
 

@@ -40,8 +40,8 @@ def moved(V: Floats, e: Floats, least: float = 0.5) -> Floats:
     Of no direction they count for more than all but the share ``least``: the other rows know too little of it.
     """
     if len(V) > V.shape[1]:
-        R = np.asarray(np.linalg.qr(np.column_stack([V, e]), mode="r"))
-        V, e = R[:, :-1], R[:, -1]
+        leverage, U = np.linalg.eigh(V.T @ V)
+        return np.asarray(U @ (U.T @ (V.T @ e) / np.maximum(1.0 - leverage, least)))
     leverage, U = np.linalg.eigh(V @ V.T)
     return np.asarray(V.T @ (U @ (U.T @ e / np.maximum(1.0 - leverage, least))))
 

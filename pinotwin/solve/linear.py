@@ -107,9 +107,9 @@ def reduce(problem: Problem, axes: Sequence[int] | None = None) -> Reduced:
     factors, rows = [], []
     for i in problem.slices if axes is None else axes:
         part = problem.slices.get(i, slice(0, 0))
-        own = problem.filled.get(i, np.zeros(0, dtype=np.intp))
-        factor = np.zeros((len(own) + 1, problem.parameters + 1))
-        factor[:, [*own, -1]] = r_factor(np.column_stack([problem.W[part, own], problem.y[part]]))
+        own, R = problem.triangle(part)
+        factor = np.zeros((len(R), problem.parameters + 1))
+        factor[:, [*own, -1]] = R
         factors.append(factor)
         rows.append(part.stop - part.start)
     return Reduced(tuple(factors), tuple(rows))
@@ -159,14 +159,18 @@ def solve(reduced: Reduced, options: Options | None = None) -> Solution:
     """Return theta and the noise levels of a reduced problem; inference is not made."""
     options = options or Options()
     sigma = _first_levels(reduced) if options.sigma is None else np.asarray(options.sigma, float)
+    told, steps = list[Floats](), list[Floats]()
     for _ in range(50):
         found = _weighted(reduced, sigma, options)
         if options.sigma is not None:
             break
-        new = _levels(reduced, found)
-        if np.all(np.abs(new - sigma) <= 1e-8 * sigma):
+        told.append(np.log(_levels(reduced, found)))
+        steps.append(told[-1] - np.log(sigma))
+        if np.all(np.abs(steps[-1]) <= 1e-10):
             break
-        sigma = new
+        # the fixed point of the line through the last steps (Anderson 1965; Walker & Ni 2011, doi:10.1137/10078356X)
+        change, bend = (np.diff(x[-5:], axis=0).T for x in (told, steps))
+        sigma = np.exp(told[-1] - change @ np.linalg.lstsq(bend, steps[-1])[0])
     return found
 
 

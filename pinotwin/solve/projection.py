@@ -1,7 +1,8 @@
 """Tall columns as small ones: every axis' rows reduced to coordinates that keep all lengths.
 
 A QR factorisation finds the few dozen directions of an axis' fixed columns and effort; columns that move are split
-into their part in it and the R factor of the rest. An evaluation of a variable projection is a few thin products.
+into their part in it and the R factor of the rest. An evaluation of a variable projection is a few thin products with
+sparse columns and R^-1 in the place of Q (corrected seminormal equations: Björck 1987).
 """
 
 from __future__ import annotations
@@ -12,74 +13,61 @@ from typing import Self
 
 import numpy as np
 import scipy
+from scipy.sparse import csr_array
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.solve.linear import Reduced
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
+from pinotwin.solve.rank import r_factor
 
 RANK = 1e-12  # Directions shorter than this, relative to the longest scaled one, are dropped
-
-
-@dataclass(frozen=True)
-class Placed:
-    """Where the rows of a moving block lie among the rows of one axis."""
-
-    own: Ints  # rows of the block that belong to the axis
-    there: Ints  # the same rows, counted within the axis
-    whole: bool  # whether they are all rows of the axis, in order
-
-    @classmethod
-    def of(cls, rows: Ints, part: slice) -> Self:
-        """Return the place of stacked row numbers ``rows`` within an axis' slice."""
-        own = np.flatnonzero((rows >= part.start) & (rows < part.stop))
-        there = rows[own] - part.start
-        n = part.stop - part.start
-        whole = len(own) == n == len(rows) and bool(np.all(there == np.arange(n)))
-        return cls(own, there, whole)
-
-    def take(self, columns: Floats, n: int) -> Floats:
-        """Return the block's columns on all ``n`` rows of the axis."""
-        if self.whole:
-            return columns
-        out = np.zeros((n, columns.shape[1]))
-        out[self.there] = columns[self.own]
-        return out
 
 
 @dataclass(frozen=True)
 class Span:
     """A space of directions of one axis, with the coordinates of the columns in it."""
 
-    basis: Floats  # orthonormal, shape (n, k)
+    # columns (n, c), and what makes directions of them, shape (c, k)
+    parts: tuple[tuple[Floats | csr_array, Floats], ...]
     coordinates: Floats  # of the columns named by ``index``, shape (k, c)
     index: Ints  # number of each column among all columns (see :class:`Projection`), shape (c,)
 
     @classmethod
-    def of(cls, columns: Floats, index: Ints) -> Self:
-        """Return the span of columns; empty columns are left out."""
-        length = np.linalg.norm(columns, axis=0)
-        used = length > 0
-        columns, index, length = columns[:, used], index[used], length[used]
-        if not len(index):
-            return cls(np.zeros((len(columns), 0)), np.zeros((0, 0)), index)
-        Q, R, pivot = scipy.linalg.qr(columns / length, mode="economic", pivoting=True)
-        rank = int(np.sum(np.abs(np.diag(R)) > RANK))
-        coordinates = np.empty((rank, len(index)))
-        coordinates[:, pivot] = R[:rank] * length[pivot]
-        return cls(np.ascontiguousarray(Q[:, :rank]), coordinates, index)
+    def of(cls, problem: Problem, part: slice, *, effort: bool = True) -> Self:
+        """Return the span of the columns, and the effort, of a slice of rows; empty columns are left out."""
+        own, R = problem.triangle(part)
+        index = np.append(own, problem.parameters) if effort else own
+        _, root, coordinates = directions(R[:, : len(index)])
+        starts = problem.W.indptr[part.start : part.stop + 1]
+        some, shape = slice(starts[0], starts[-1]), (len(starts) - 1, problem.parameters)
+        if 2 * (starts[-1] - starts[0]) > shape[0] * len(own):  # a dense product is faster
+            return cls(((problem.dense(part)[1][:, : len(index)], root),), coordinates, index)
+        wide, W = np.zeros((shape[1] + 1, root.shape[1])), csr_array(shape)
+        wide[index] = root
+        W.data, W.indices, W.indptr = problem.W.data[some], problem.W.indices[some], starts - starts[0]
+        parts = ((W, wide[:-1]), (problem.y[part, None], wide[-1:]))
+        return cls(parts, coordinates, index)
+
+    def across(self, columns: Floats) -> Floats:
+        """Return the products of all directions with columns (n, m), shape (k, m)."""
+        return np.asarray(sum(root.T @ (tall.T @ columns) for tall, root in self.parts))
+
+    def along(self, coordinates: Floats) -> Floats:
+        """Return the columns, (n, m), of coordinates (k, m)."""
+        return np.asarray(sum(tall @ (root @ coordinates) for tall, root in self.parts))
 
     def split(self, columns: Floats) -> tuple[Floats, Floats]:
         """Return the columns' coordinates within the span and their remainder outside it."""
-        inside = self.basis.T @ columns
-        rest = columns - self.basis @ inside
-        again = self.basis.T @ rest
-        return inside + again, rest - self.basis @ again
+        inside = self.across(columns)
+        rest = columns - self.along(inside)
+        again = self.across(rest)
+        return inside + again, rest - self.along(again)
 
     def small(self, columns: Floats, index: Ints, width: int) -> Floats:
         """Return the span's columns and ``columns`` in small coordinates, shape (m, width)."""
-        out = np.zeros((len(self.basis.T) + len(index), width))
-        k = self.basis.shape[1]
+        k = len(self.coordinates)
+        out = np.zeros((k + len(index), width))
         out[:k, self.index] = self.coordinates
         if len(index):
             inside, rest = self.split(columns)
@@ -93,17 +81,26 @@ class Span:
         if not len(index):
             return self
         inside, rest = self.split(columns)
-        extra = Span.of(rest, np.arange(len(index)))
-        k, e = self.basis.shape[1], extra.basis.shape[1]
-        coordinates = np.zeros((k + e, len(self.index) + len(index)))
-        coordinates[:k, : len(self.index)] = self.coordinates
-        coordinates[:k, len(self.index) :] = inside
-        coordinates[k:, len(self.index) + extra.index] = extra.coordinates
-        return Span(
-            np.concatenate([self.basis, extra.basis], axis=1),
-            coordinates,
-            np.concatenate([self.index, index]),
-        )
+        _, root, outside = directions(r_factor(rest))
+        k, e = len(inside), len(outside)
+        wide = tuple((tall, np.pad(own, ((0, 0), (0, e)))) for tall, own in self.parts)
+        parts = (*wide, (rest, np.pad(root, ((0, 0), (k, 0)))))
+        if all(isinstance(tall, np.ndarray) for tall, _ in parts):
+            parts = ((np.hstack([tall for tall, _ in parts]), np.vstack([own for _, own in parts])),)
+        coordinates = np.block([[self.coordinates, inside], [np.zeros((e, len(self.index))), outside]])
+        return Span(parts, coordinates, np.concatenate([self.index, index]))
+
+
+def directions(A: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return Q, (m, k), of orthonormal columns, and F and C with Q = A F and A = Q C, the same for all A of one A'A."""
+    length = np.linalg.norm(A, axis=0)
+    used = np.flatnonzero(length > 0)
+    Q, T, pivot = scipy.linalg.qr(A[:, used] / length[used], mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(T)) > RANK))
+    F, C, at = np.zeros((A.shape[1], rank)), np.zeros((rank, A.shape[1])), used[pivot]
+    F[at[:rank]] = scipy.linalg.solve_triangular(T[:rank, :rank], np.eye(rank)) / length[at[:rank], None]
+    C[:, at] = T[:rank] * length[at]
+    return Q[:, :rank], F, C
 
 
 @dataclass(frozen=True)
@@ -113,7 +110,8 @@ class Projection:
     parts: tuple[slice, ...]  # rows of each axis
     spans: tuple[Span, ...]  # per axis, the span of fixed columns and effort
     moving: tuple[Moving, ...]  # the blocks
-    placed: tuple[dict[int, Placed], ...]  # per block, per axis (its place in ``parts``) where its rows lie
+    # per block, per axis (its place in ``parts``), what picks its rows; None where they are all rows of the axis
+    placed: tuple[dict[int, csr_array | None], ...]
     first: tuple[int, ...]  # number of the first column of each block, and last the number of columns
     fixed: int  # number of fixed columns
 
@@ -122,14 +120,15 @@ class Projection:
         """Return the projection of a problem whose regressor holds the fixed columns."""
         parts = tuple(problem.slices.values())
         p0 = problem.parameters
-        numbers = np.arange(p0 + 1)
-        spans = tuple(Span.of(np.column_stack([problem.W[s], problem.y[s]]), numbers) for s in parts)
-        placed = []
-        every = np.arange(len(problem.y))
+        spans = tuple(Span.of(problem, s) for s in parts)
+        placed, every = [], np.arange(len(problem.y))
         for block in moving:
             rows = every[block.rows]
-            found = {i: Placed.of(rows, s) for i, s in enumerate(parts)}
-            placed.append({i: place for i, place in found.items() if len(place.own)})
+            picks = csr_array((np.ones(len(rows)), (rows, every[: len(rows)])), (len(every), len(rows)))
+            own = {i: x for i, s in enumerate(parts) if (x := picks[s]).nnz}
+            square = {i for i, x in own.items() if x.shape[0] == len(rows)}
+            whole = {i for i in square if np.array_equal(own[i].indices, every[: len(rows)])}
+            placed.append({i: None if i in whole else x for i, x in own.items()})
         counts = [len(m.names) for m in moving]
         first = tuple(int(k) for k in p0 + 1 + np.concatenate([[0], np.cumsum(counts)]))
         return cls(parts, spans, tuple(moving), tuple(placed), first, p0)
@@ -166,7 +165,8 @@ class Projection:
     def on_axis(self, i: int, pieces: Sequence[tuple[int, Floats, Ints]]) -> tuple[Floats, Ints]:
         """Return the moving columns that touch an axis, on all its rows, and their numbers."""
         n = self.parts[i].stop - self.parts[i].start
-        here = [(self.placed[b][i].take(C, n), k) for b, C, k in pieces if i in self.placed[b]]
+        mine = [(self.placed[b][i], C, k) for b, C, k in pieces if i in self.placed[b]]
+        here = [(C if place is None else place @ C, k) for place, C, k in mine]
         if not here:
             return np.zeros((n, 0)), np.zeros(0, int)
         return np.concatenate([c for c, _ in here], axis=1), np.concatenate([k for _, k in here])

@@ -15,7 +15,7 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.projection import RANK, Projection, Span
+from pinotwin.solve.projection import RANK, Projection, directions
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,19 @@ class Scan:
         self.block: Moving = projection.moving[b]
         pieces = [(k, C, projection.numbers(k)) for k, C in others]
         spans = [s.wider(*projection.on_axis(i, pieces)) for i, s in enumerate(projection.spans)]
-        sizes = [s.basis.shape[1] for s in spans]
+        sizes = [len(s.coordinates) for s in spans]
         offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
         small = np.zeros((int(offsets[-1]), projection.width))
         for i, span in enumerate(spans):
             small[offsets[i] : offsets[i + 1], span.index] = span.coordinates / sigma[i]
         effort = small[:, projection.fixed]
         rest = np.delete(small, projection.fixed, axis=1)
-        base = Span.of(rest, np.arange(rest.shape[1])).basis
+        base = directions(rest)[0]
         self._base = base
         self._residual = effort - base @ (base.T @ effort)
         self._residual -= base @ (base.T @ self._residual)
         self._where = [
-            (spans[i].basis, place, slice(offsets[i], offsets[i + 1]), 1 / sigma[i])
+            (spans[i], place, slice(offsets[i], offsets[i + 1]), 1 / sigma[i])
             for i, place in projection.placed[b].items()
         ]
         self._rows = int(offsets[-1])
@@ -66,13 +66,12 @@ class Scan:
     def gains(self, points: Floats) -> Floats:
         """Return the gain at every point, shape (m,), for points of shape (m, s)."""
         c = len(self.block.names)
-        inside = np.zeros((len(points), self._rows, c))
-        gram = np.zeros((len(points), c, c))
+        inside, gram = np.zeros((len(points), self._rows, c)), np.zeros((len(points), c, c))
         for k, x in enumerate(points):
             C = self.block.at(x)
-            for basis, place, where, weight in self._where:
-                part = place.take(C, len(basis))
-                inside[k, where] = (basis.T @ part) * weight
+            for span, place, where, weight in self._where:
+                part = C if place is None else place @ C
+                inside[k, where] = span.across(part) * weight
                 gram[k] += (part.T @ part) * weight**2
         length = np.diagonal(gram, axis1=1, axis2=2)
         scale = np.sqrt(np.where(length > 0, length, 1.0))

@@ -23,7 +23,7 @@ from pinotwin.solve.descent import End, Remembered, rival, trust_region
 from pinotwin.solve.linear import Options, linear, reduce, solve, spread_of_belief
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.projection import Projection, Span
+from pinotwin.solve.projection import Projection, directions
 from pinotwin.solve.rank import analyse, r_factor
 from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
@@ -40,10 +40,10 @@ def separable(
     if not moving:
         return SeparableFit(linear(problem, options), ())
     search = _Search(problem, tuple(moving), options, known or {})
+    del problem  # see judge
     search.look()
     search.sweep()
     search.finish()
-    del search.projection  # of a long log as large as the problem, which is now judged row by row
     return search.judge()
 
 
@@ -112,13 +112,12 @@ class _Search:
 
     def full(self, x: Sequence[Floats]) -> Problem:
         """Return the problem with all columns at given shapes."""
-        W = np.zeros((len(self.problem.y), len(self.names)))
-        at = self.problem.parameters
-        W[:, :at] = self.problem.W
+        names, at = self.names[self.problem.parameters :], 0
+        columns = np.zeros((len(self.problem.y), len(names)))
         for m, part in zip(self.moving, x, strict=True):
-            W[m.rows, at : at + len(m.names)] = m.at(part)
+            columns[m.rows, at : at + len(m.names)] = m.at(part)
             at += len(m.names)
-        return self.problem.with_columns(W, self.names)
+        return self.problem.beside(columns, names)
 
     def reweigh(self) -> bool:
         """Find the noise levels anew; return whether they changed by more than a percent."""
@@ -161,18 +160,19 @@ class _Search:
 
     def judge(self) -> SeparableFit:
         """Return the result with the covariance of coefficients and shapes together."""
-        full = self.full(self.x)
+        del self.projection  # as large as what is now judged row by row, and so is the problem
+        at, full = self.problem.parameters, self.full(self.x)
+        del self.problem
         sigma = self.sigma if self.options.sigma is None else self.options.sigma
         fit = linear(full, replace(self.options, sigma=sigma, inference="none"))
         p = full.parameters
         slopes = np.zeros((len(full.y), sum(map(len, self.x))))
-        at, k = self.problem.parameters, 0
+        k = 0
         for m, x in zip(self.moving, self.x, strict=True):
             theta = fit.theta[at : at + len(m.names)]
             slopes[m.rows, k : k + len(x)] = m.slopes(x, theta)
             at, k = at + len(m.names), k + len(x)
-        names = (*self.names, *(f"{m.name}.{s}" for m in self.moving for s in m.shapes))
-        joint = full.with_columns(np.column_stack([full.W, slopes]), names)
+        joint = full.beside(slopes, [f"{m.name}.{s}" for m in self.moving for s in m.shapes])
         options = self.options.by_coefficient(lambda x, none: np.append(x, np.full(slopes.shape[1], none)))
         R = reduce(joint).triangle(fit.sigma)[:-1, :-1]
         rank = analyse(R, self.options.tolerance)
@@ -239,7 +239,7 @@ class VariableProjection:
             pieces.append((b, slopes, P.width + np.arange(self._cuts[b], self._cuts[b + 1])))
         small = P.small(pieces, self._sigma, P.width + len(x))
         W, y = small[:, self._linear], small[:, P.fixed]
-        base = Span.of(W[:, free], np.arange(int(free.sum()))).basis
+        base = directions(W[:, free])[0]
         slope = small[:, P.width :]
         jacobian = -(slope - base @ (base.T @ slope))
         return y - W @ theta, jacobian

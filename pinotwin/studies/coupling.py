@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.sparse import block_diag, csr_array
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import AxisEffect, Effect
 from pinotwin.errors import DataError
-from pinotwin.identification.assemble import assemble, choose_rows, joint_columns, thin
+from pinotwin.identification.assemble import assemble, choose_rows, thin
 from pinotwin.identification.judge import error_row
 from pinotwin.identification.plant import fit_options, fit_plant
 from pinotwin.log import Log
@@ -78,7 +78,7 @@ def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect
     for joint, kept in zip(rows.joints, rows.kept, strict=True):
         own = [e for e in effects if isinstance(e, AxisEffect) and e.axis == motion.names[joint]]
         columns = [_alone(machine, motion, joint)]
-        columns += [c for e in own if (c := joint_columns(motion, e, joint)) is not None]
+        columns += [thin(motion, e.columns(motion).values[:, 0]) for e in own]
         blocks.append(np.concatenate(columns, axis=1)[kept])
         beta = columns[0].shape[1]
         given = [c for e in own for c in e.coefficients()]
@@ -87,7 +87,7 @@ def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect
         names += [f"{motion.names[joint]}:{k}" for k in range(beta + len(given))]
     like = assemble(motion, effects, rows)
     bounds = Options(lower=np.array(lower), upper=np.array(upper))
-    return like.with_columns(block_diag(*blocks), names), bounds
+    return like.with_columns(csr_array(block_diag(blocks)), names), bounds
 
 
 def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:

@@ -100,7 +100,8 @@ def improve(
             e for e in found.effects if _parts(replace(found, effects=(e,)).repaired()) != _parts(believed)
         ]
         if not added:
-            return Improvement(twin, steps, _end(found.effects))
+            why = f"what the diagnosis finds is no part of a machine: {'; '.join(map(_said, found.effects))}"
+            return Improvement(twin, steps, why if found.effects else "the diagnosis finds no further effect")
         better = _identified(richer := found.repaired(), logs, sealed, tell, k, most)
         errors = sealed_errors(better, sealed)
         kept = ratio(steps[-1].errors, errors) < 1.0
@@ -154,10 +155,3 @@ def _parts(machine: Machine) -> list[Any]:
 def _said(e: Found) -> str:
     """Return a named cause with its axis and its size."""
     return ", ".join([on_axis(e.effect, e.axis), *map(size_text, told(e.size)[:3])])
-
-
-def _end(named: Sequence[Found]) -> str:
-    """Return why nothing was added."""
-    if not named:
-        return "the diagnosis finds no further effect"
-    return f"what the diagnosis finds is no part of a machine: {'; '.join(map(_said, named))}"

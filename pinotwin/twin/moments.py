@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.linear import Reduced, merged, reduce
@@ -75,9 +76,8 @@ class Moments:
         lengths = [len(x) for *_, x in pairs]
         F = np.concatenate([x for *_, x in pairs])
         axis, block = (np.repeat([pair[at] for pair in pairs], lengths) for at in (0, 1))
-        return Problem(
-            F[:, :-1], F[:, -1], axis, np.concatenate(list(map(np.arange, lengths))), tuple(names), block
-        )
+        W, time = csr_array(F[:, :-1]), np.concatenate(list(map(np.arange, lengths)))
+        return Problem(W, F[:, -1], axis, time, tuple(names), block)
 
     def arrays(self) -> dict[str, Any]:
         """Return what a file holds."""

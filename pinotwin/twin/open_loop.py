@@ -14,7 +14,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
-from pinotwin.effects.scene import with_model
+from pinotwin.effects.scene import blocks, with_model
 from pinotwin.errors import InputError, TwinError, require
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -72,7 +72,7 @@ class OpenLoop:
                 damping[self.machine.names.index(effect.axis)] += float(np.sum(theta * viscous))
             elif effect.depends in ("direction", "displacement"):
                 for way, total in level.items():
-                    total += effect.columns(_sliding(self.machine, way)).effort(theta, nv)[-1]
+                    total += effect.along(_sliding(self.machine, way), theta)[-1]
         model.damping = np.maximum(damping, 0.0)
         model.upperDryFrictionLimit = np.maximum(level[1.0], 0.0)
         model.lowerDryFrictionLimit = np.minimum(level[-1.0], 0.0)
@@ -107,14 +107,8 @@ class OpenLoop:
 
     def parts(self, motion: Motion) -> dict[str, Floats]:
         """Return the effort of each effect, key -> (n, nv) [N or N·m]."""
-        nv, motion = self.machine.nv, self.scene(motion)
-        out = {}
-        for key, (effect, theta) in zip(self.keys, self.pairs, strict=True):
-            if effect.axis is None:
-                out[key] = self.rigid_effort(motion.q, motion.v, motion.a)
-            else:
-                out[key] = effect.columns(motion).effort(theta, nv)
-        return out
+        motion = self.scene(motion)
+        return {key: e.along(motion, x) for key, (e, x) in zip(self.keys, self.pairs, strict=True)}
 
     def rigid_effort(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """Return the effort of the tree along positions, velocities and accelerations, all (n, nv)."""
@@ -133,8 +127,10 @@ class OpenLoop:
         visited, inertias that they did not move. What the model itself lacks is not in it.
         """
         out = np.zeros((len(motion), self.machine.nv))
-        for j, X, C in self._acting(motion):
-            out[:, j] = np.sqrt(np.maximum(np.einsum("np,np->n", X @ C, X), 0.0))
+        for rows, j, X, C in self._acting(motion):
+            own = np.flatnonzero(X.any(axis=0))  # few of a table's
+            X = X[:, own]
+            out[rows, j] = np.sqrt(np.maximum(np.einsum("np,np->n", X @ C[np.ix_(own, own)], X), 0.0))
         return out
 
     def effort_errors(self, motion: Motion, most: int = 24) -> Floats:
@@ -143,22 +139,26 @@ class OpenLoop:
         They are the largest of all combinations of the coefficients; their squares sum up to that of the whole error.
         """
         out = np.zeros((len(motion), self.machine.nv, most))
-        for j, X, C in self._acting(motion):
+        grams: dict[int, Floats] = {}
+        for _, j, X, _ in self._acting(motion):
+            grams[j] = grams.get(j, 0.0) + X.T @ X
+        for rows, j, X, C in self._acting(motion):
             variance, axes = np.linalg.eigh(np.nan_to_num(C, posinf=0.0))
-            E = X @ (axes * np.sqrt(np.maximum(variance, 0.0)))
-            largest = np.linalg.eigh(E.T @ E)[1][:, ::-1][:, :most]
-            out[:, j, : largest.shape[1]] = E @ largest
+            S = axes * np.sqrt(np.maximum(variance, 0.0))
+            largest = np.linalg.eigh(S.T @ grams[j] @ S)[1][:, ::-1][:, :most]
+            out[rows, j, : largest.shape[1]] = X @ (S @ largest)
         return out
 
-    def _acting(self, motion: Motion) -> Iterator[tuple[int, Floats, Floats]]:
-        """Yield each joint, the columns that act on it, (n, p), and the covariance of their coefficients, (p, p)."""
+    def _acting(self, motion: Motion) -> Iterator[tuple[slice, int, Floats, Floats]]:
+        """Yield blocks of rows, and each joint, the columns that act on it, (n, p), and their covariance, (p, p)."""
         motion = self.scene(motion)
-        acting = [(effect.columns(motion), s) for effect, s in zip(self.effects, self.slices, strict=True)]
-        for j in range(self.machine.nv):
-            here = [(c.values[:, c.joints.index(j), :], s) for c, s in acting if j in c.joints]
-            if here:
-                at = np.r_[*(s for _, s in here)]
-                yield j, np.concatenate([x for x, _ in here], axis=1), self.covariance[np.ix_(at, at)]
+        whole = [None if effect.pointwise else effect.columns(motion) for effect in self.effects]
+        for rows, formed in blocks(motion, self.effects, whole, np.arange(len(motion))):
+            for j in range(self.machine.nv):
+                acting = [(c, s) for c, s in zip(formed, self.slices, strict=True) if j in c.joints]
+                at = np.r_[*(s for _, s in acting)]
+                X = np.hstack([c.values[:, c.joints.index(j)] for c, _ in acting])
+                yield rows, j, X, self.covariance[np.ix_(at, at)]
 
 
 def _sliding(machine: Machine, way: float, far: float = 1e6, fast: float = 1e3) -> Motion:

@@ -124,7 +124,7 @@ class Twin(OpenLoop, Drawn):
         parts = {}
         if not timed:
             scene = self.scene(motion)
-            parts = {key: e.columns(scene).effort(self.theta[s], self.machine.nv) for key, e, s in acting}
+            parts = {key: e.along(scene, self.theta[s]) for key, e, s in acting}
             timed = [
                 key for key, x in parts.items() if t is None and np.isnan(x).any() and np.isfinite(rows).all()
             ]

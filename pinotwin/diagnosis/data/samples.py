@@ -168,7 +168,8 @@ def sliding(motion: Motion, joint: int) -> Mask:
     goes = asked >= RULES.standing * _top(asked)
     since = np.full(len(v), np.inf)
     for s in motion.segments:
-        since[s] = motion.step * _since(goes[s])
+        at = np.arange(len(goes[s]), dtype=float)
+        since[s] = motion.step * (at - np.maximum.accumulate(np.where(goes[s], at, -np.inf)))
     begins = np.zeros(len(v), dtype=bool)
     begins[motion.inside] = since_start(motion.t[motion.inside]) < RULES.starting
     swings = (v >= RULES.trembling * _top(v)) & ~(np.isinf(since) & begins)
@@ -184,12 +185,6 @@ def _narrowed(rows: Mask, by: Mask) -> Mask:
     """Return the rows that another mask has too, all of them where it has none."""
     left = rows & by
     return left if left.any() else rows
-
-
-def _since(goes: Mask) -> Floats:
-    """Return how many samples ago a command last went, without end before it first does, shape (n,)."""
-    at = np.arange(len(goes), dtype=float)
-    return at - np.maximum.accumulate(np.where(goes, at, -np.inf))
 
 
 def _top(x: Floats) -> float:

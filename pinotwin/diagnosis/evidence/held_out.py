@@ -119,7 +119,9 @@ def judged(
     found = _judged(ground, new, own, unseen, hold, span)
     if not ground.bound.any() or not new.Cr.shape[1]:
         return found
-    rising = ground.bound & (_slopes(ground.new, new, found) > 0.0)
+    base = ground.new
+    said = new.CX.sum(axis=0).T @ found.theta + base.XX.sum(axis=(0, 1)) @ found.base
+    rising = ground.bound & (base.Xr.sum(axis=(0, 1)) > said)  # the residual falls with these
     while rising.any():
         beside = _judged(ground.released(rising), new, own, unseen, hold, span)
         falling = rising & (beside.base < 0.0)
@@ -127,12 +129,6 @@ def judged(
             return beside
         rising &= ~falling
     return found
-
-
-def _slopes(base: Base, c: Products, found: Judged) -> Floats:
-    """Return by what half the squared residual falls with each coefficient of the model, shape (b,)."""
-    said = c.CX.sum(axis=0).T @ found.theta + base.XX.sum(axis=(0, 1)) @ found.base
-    return np.asarray(base.Xr.sum(axis=(0, 1)) - said)
 
 
 def _judged(
@@ -149,7 +145,9 @@ def _judged(
     if ground.own is not None and own is not None:
         before, beside, _ = _solve(ground.own_inverse, ground.own, own, hold, leave_out=False)
         there, moved = before[-1], beside[-1]
-        spread = _spread(own, hold)
+        held = hold * np.eye(own.Cr.shape[1])
+        each = solved(without_each(own.CC) + held, without_each(own.Cr), SCALED_RIDGE)[:-1]
+        spread = jackknife(each) if len(held) else held
     within = None if span is None else (span[0] + there, span[1] + there)
     theta, delta, determined = _solve(ground.folds, base, new, hold, within, ground.pull, leave_out=True)
     theta, delta = theta - there, delta - moved
@@ -215,15 +213,6 @@ def _left(base: Base, c: Products, theta: Floats, delta: Floats) -> Floats:
         + np.einsum("kp,kpq,kq->k", theta, c.CC, theta)
         + 2.0 * np.einsum("kp,kpb,kb->k", theta, c.CX, delta)
         + np.einsum("kb,kbc,kc->k", delta, XX, delta)
-    )
-
-
-def _spread(c: Products, hold: float) -> Floats:
-    """Return the block jackknife covariance of a candidate fitted alone to the own logs."""
-    if c.Cr.shape[1] == 0:
-        return np.zeros((0, 0))
-    return jackknife(
-        solved(without_each(c.CC) + hold * np.eye(c.Cr.shape[1]), without_each(c.Cr), SCALED_RIDGE)[:-1]
     )
 
 

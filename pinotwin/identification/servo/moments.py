@@ -76,7 +76,8 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
         if not np.isfinite(x).all():
             return None
         servo = search.servo(x)
-        moved = float(np.abs(move * [_weight(name, servo, law.clock.h) for name in search.names]).max())
+        lags = {x: getattr(servo, x) / law.clock.h for x in SHAPES}  # far below the clock they make none
+        moved = float(np.abs(move * [min(1.0, lags.get(name, 1.0)) for name in search.names]).max())
         if moved < close:
             break
         if any(_same(servo, other, 0.01) for other in known):
@@ -89,11 +90,6 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
     size, axes = np.linalg.eigh(A.T @ W @ A)
     root = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
     return Solved(servo, root, float(r @ r), len(r))
-
-
-def _weight(name: str, servo: Servo, h: float) -> float:
-    """Return what a step of a coordinate counts: that of a lag far below the clock h [s], which makes none, little."""
-    return min(1.0, getattr(servo, name) / h) if name in SHAPES else 1.0
 
 
 def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Floats:

@@ -59,7 +59,8 @@ class Header:
 def read_header(cells: list[list[str]], start: int, stem: str) -> Header:
     """Return names and units from the rows above row ``start``; no names where none stand there."""
     width = len(cells[start])
-    above = [_trimmed(row, width) for row in cells[:start]]
+    ends = [max((i + 1 for i, cell in enumerate(row) if cell), default=0) for row in cells[:start]]
+    above = [row[: max(width, end)] for row, end in zip(cells, ends, strict=False)]  # as a delimiter ends it
     if not above:
         return Header()
     labelled = _labelled(above, width)
@@ -98,11 +99,6 @@ def is_unit_row(row: Sequence[str], header: Sequence[str]) -> bool:
         return bool(bare)
     known = [cell for cell in bare if cell.strip("[]() ") in SI_FACTOR or find_unit(cell)]
     return bool(bare) and 2 * len(known) > len(bare) and not any(map(is_plain, header))
-
-
-def _trimmed(row: list[str], width: int) -> list[str]:
-    """Return a row of names without the empty cells that a delimiter at its end makes."""
-    return row[: max(width, max((i + 1 for i, cell in enumerate(row) if cell), default=0))]
 
 
 def _names_columns(row: Sequence[str], above: Sequence[Sequence[str]], width: int) -> bool:
