@@ -39,6 +39,9 @@ class Day:
     kp: dict[str, float] = field(default_factory=dict)  # axis -> factor of the position gain
     motor: dict[str, float] = field(default_factory=dict)  # axis -> torque that an effort gives, over nominal
     drift: dict[str, float] = field(default_factory=dict)  # axis -> how fast an effort grows [N/s, N·m/s]
+    limit: dict[str, tuple[float, float, float]] = field(
+        default_factory=dict
+    )  # axis -> limit, its loss over speed, since
     began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 
@@ -72,8 +75,11 @@ def run(day: Day) -> dict[str, np.ndarray]:
         seen = [round(q[j] / step[j]) * step[j] for j in (0, 1)]
         for j, k in enumerate("XA"):
             wish = kp[j] * (qr[i, j] - seen[j]) + 0.9 * vr[i, j] - v[j]
-            total[j] += ki[j] * wish / RATE
-            u[j] = kv[j] * wish + total[j]
+            most, loss, since = day.limit.get(k, (math.inf, 0.0, 0.0))
+            most = math.inf if i / RATE < since else most - loss * abs(v[j]) * (u[j] * v[j] > 0.0)
+            asked = kv[j] * wish + total[j] + ki[j] * wish / RATE
+            u[j] = max(-most, min(most, asked))
+            total[j] += ki[j] * wish / RATE * (u[j] == asked)
             out[f"{k}.qr"][i], out[f"{k}.q"][i], out[f"{k}.u"][i] = qr[i, j], seen[j], u[j]
         for _ in range(STEPS):
             rub = [today[j] * (dry[j] * math.tanh(v[j] / 1e-3) + viscous[j] * v[j]) for j in (0, 1)]

@@ -202,14 +202,65 @@ def test_a_late_command_is_a_fault_of_the_recording(folder: Path, twin: pt.Twin)
     assert found.verdict == "unexplained"
 
 
-def test_a_law_is_split_into_its_cascade() -> None:
+@pytest.mark.parametrize(
+    ("axis", "limit", "level"),
+    [("X", (110.0, 0.0, 0.0), 110.0), ("A", (5.5, 0.0, 4.0), 5.5), ("X", (170.0, 180.0, 0.0), 170.0)],
+    ids=["always", "folded back", "falls with speed"],
+)
+def test_a_drive_at_its_limit_is_a_law_that_is_clipped(
+    folder: Path, twin: pt.Twin, axis: str, limit: tuple[float, float, float], level: float
+) -> None:
+    found = _asked(folder, twin, "limit", limit={axis: limit})
+    assert [(e.effect, e.axis) for e in found.effects] == [("saturation", axis)]
+    assert found.effects[0].size[0].after == pytest.approx(level, rel=0.05)
+    assert found.effects[0].confidence > 0.8
+
+
+def test_a_command_that_jitters_is_no_limit(folder: Path, twin: pt.Twin) -> None:
+    """Efforts elsewhere reach beyond any level at which they stand."""
+    log, rng = pt.read(folder / "none_0.csv"), np.random.default_rng(0)
+    rows = np.arange(len(log))
+    late = np.abs(rng.normal(0.0, 0.3, len(log))) + (rng.random(len(log)) < 0.005)
+    channels = {k: np.asarray(log[k]) for k in log.channels}
+    channels |= {f"{k}.qr": np.interp(rows - late, rows, channels[f"{k}.qr"]) for k in "XA"}
+    found = pt.diagnose(twin, pt.Log(channels))
+    assert "saturation" not in {e.effect for e in [*found.effects, *found.possible]}
+
+
+def test_a_command_rougher_than_the_drive_followed_is_a_fault_of_the_recording(
+    folder: Path, twin: pt.Twin
+) -> None:
+    log, rng = pt.read(folder / "none_0.csv"), np.random.default_rng(0)
+    channels = {k: np.asarray(log[k]) for k in log.channels}
+    speed = np.abs(np.gradient(channels["X.qr"], channels["t"]))
+    channels["X.qr"] = channels["X.qr"] + 6e-4 * speed * rng.normal(size=len(log))
+    found = pt.diagnose(twin, pt.Log(channels))
+    assert [(x["fault"], x["axis"]) for x in found.recording] == [("command_jitter", "X")]
+    assert not found.effects
+
+
+def test_rows_written_twice_are_a_fault_of_the_recording(folder: Path, twin: pt.Twin) -> None:
+    log, rng = pt.read(folder / "none_0.csv"), np.random.default_rng(0)
+    rows = np.sort(np.r_[: len(log), rng.choice(len(log), len(log) // 50, replace=False)])
+    twice = {k: np.asarray(log[k])[rows] for k in log.channels}
+    found = pt.diagnose(twin, pt.Log({**twice, "t": np.arange(len(rows)) * 0.002}))
+    assert list(found.effects) == []
+    assert [x["fault"] for x in found.recording] == ["rows_doubled"]
+
+
+@pytest.mark.parametrize("ahead", [0.0, 1e-3])
+def test_a_law_is_split_into_its_cascade(ahead: float) -> None:
+    """Also where the position loop is closed on a load that runs ahead of its motor [m]."""
     rng, n = np.random.default_rng(1), 4000
     e, v, vr, a, ar, jr, qr = rng.standard_normal((7, n)) * np.array([[1e-3], [1], [1], [5], [5], [9], [1]])
     ie = np.cumsum(e) / 250.0
     kp, kv, ki = 40.0, 1800.0, 70000.0
-    # kv (kp e + f vr - v) + ki int(kp e + f vr - v), and int v = q = qr - e
-    u = kv * (kp * e + 0.9 * vr - v) + ki * (kp * ie + 0.9 * qr - (qr - e))
-    law = Law.fitted([{"e": e, "ie": ie, "v": v, "a": a, "vr": vr, "ar": ar, "jr": jr, "qr": qr, "u": u}])
+    lead = ahead * rng.standard_normal(n)
+    # kv (kp e + f vr - v) + ki int(kp e + f vr - v), and int v = q = qr - e - lead
+    u = kv * (kp * e + 0.9 * vr - v) + ki * (kp * ie + 0.9 * qr - (qr - e - lead))
+    columns = {"e": e, "ie": ie, "v": v, "a": a, "vr": vr, "ar": ar, "jr": jr, "qr": qr, "lead": lead, "u": u}
+    law = Law.fitted([columns])
+    assert law.gains[-1] == pytest.approx(ki * (ahead > 0.0), rel=1e-6)
     assert law.cascade
     assert law.stable
     assert (law.kp, law.ki) == (pytest.approx(kp, rel=1e-6), pytest.approx(ki, rel=1e-6))

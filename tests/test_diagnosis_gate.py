@@ -13,7 +13,6 @@ from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.patterns import Hum, patterns
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.gate import BARS, INSTANTS, gate
-from pinotwin.diagnosis.signals.limits import exceeded
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
 from pinotwin.log import Log
@@ -197,16 +196,6 @@ def test_the_command_prints_what_makes_the_log_doubtful(machine, log, tmp_path, 
     assert main([*words, "--out", str(tmp_path / "d"), "--json", str(tmp_path / "d.json")]) == 0
     assert "warning: t: 10 Hz is too slow" in capsys.readouterr().out
     assert any("10 Hz" in text for text in json.loads((tmp_path / "d.json").read_text())["warnings"])
-
-
-def test_a_level_that_the_log_goes_beyond_is_no_limit():
-    """A milling axis at 12.6 A had once a limit of 5.4 A, above which it was a quarter of the time."""
-    t = np.linspace(0.0, 10.0, 2000)
-    u = 12.6 * np.sin(2.0 * np.pi * t)
-    assert exceeded([u], 5.42)
-    assert not exceeded([np.clip(u, -5.42, 5.42)], 5.42)
-    noise = np.random.default_rng(0).normal(0.0, 0.3, len(t))
-    assert not exceeded([np.clip(u, -5.42, 5.42) + noise], 5.42)
 
 
 def test_an_axis_that_its_twin_never_met_is_not_judged(tmp_path):

@@ -10,8 +10,9 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.signals.limits import reached
-from pinotwin.diagnosis.signals.servo import limits
+from pinotwin.diagnosis.days.limit import bounded
+from pinotwin.diagnosis.days.stretch import stretches
+from pinotwin.diagnosis.signals.servo import _drives, limits
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -112,11 +113,17 @@ def test_an_effort_that_wanders_while_it_rests_is_at_a_limit_where_the_command_a
     u, qr = m.u.copy(), m.q.copy()
     u[:, 0], qr[:, 0] = np.clip(asked, -level, level) * wander, m.q[:, 0] + behind
     clipped = dataclasses.replace(m, u=u, qr=qr)
-    found = reached([clipped], 0, asked=lambda part: twin.effort(part)[:, 0])
-    assert found is not None
-    assert found.level == pytest.approx(level, rel=0.01)
-    assert reached([clipped], 0) is None
-    assert reached([clipped], 0, asked=lambda part: part.u[:, 0]) is None
+    (s,) = stretches(twin, clipped, clipped.u - twin.effort(clipped), 0, ["X"], {})
+
+    def found(asked):
+        left = s.taken(clipped.u - asked)[:, 0]
+        limits = [x for each in _drives([s], "X", [left]) if (x := bounded(each))]
+        return max(limits, key=lambda x: x.gain - x.price, default=None)
+
+    limit = found(twin.effort(clipped))
+    assert limit is not None
+    assert limit.level == pytest.approx(level, rel=0.01)
+    assert found(clipped.u + 0.03 * rng.normal(size=clipped.u.shape)) is None
 
 
 def test_a_healthy_gain_is_not_accused(data_dir):

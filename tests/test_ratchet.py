@@ -53,8 +53,8 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 56_620,
-    module_numbers: 123,
+    lines: 56_630,
+    module_numbers: 114,
     numbers_without_unit: 308,
     stories: 6,
 }

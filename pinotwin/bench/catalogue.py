@@ -100,6 +100,7 @@ EXACT: tuple[frozenset[str], ...] = (
     frozenset({"drive_flexibility", "joint_flexibility"}),
     frozenset({"coulomb_asymmetric", "offset"}),
     frozenset({"payload", "inertial_coupling"}),
+    frozenset({"feedforward", "acceleration_feedforward"}),  # what a virtual machine's `feedforward` is
 )
 """Classes that no motion of one axis can split: always merged, never in the strict row."""
 

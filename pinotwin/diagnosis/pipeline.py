@@ -95,8 +95,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
-    limited = limits(c, leave_out, rules, rests=True) if closed_loop else []
-    found = diagnosed(c, more, limited, {**options, "false_alarm": false_alarm})
+    found = diagnosed(c, more, {**options, "false_alarm": false_alarm})
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
             c = compare(subject, logs, unseen)  # no law of a controller tells the runs apart
@@ -130,7 +129,7 @@ def _by_search(
     levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
     named = [*effects_named(account, levels), *pushes_named(account, levels)]
     named = with_encoders(named, measured, leave_out)
-    limited = limits(s.rest, leave_out, rules) if options["closed_loop"] else []
+    limited = limits(s.rest, leave_out) if options["closed_loop"] else []
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}

@@ -234,6 +234,11 @@ class Diagnosis(Drawn):
             return "partly explained" if named and g.after < g.rms else "not explained"
         return word
 
+    def alike(self, e: Found) -> list[str]:
+        """Return the other causes that these logs cannot tell from this one, such as ``Y.coulomb``."""
+        own = (e.effect, f"{e.axis}.{e.effect}")
+        return [x for group in self.confusable if set(own) & {*group} for x in group if x not in own]
+
     def state(self, axis: str, signal: str | None = None) -> State:
         """Return the state of an axis of the machine, or of one of its signals, whatever the model is worth.
 
@@ -268,7 +273,7 @@ class Diagnosis(Drawn):
                     for a, row in self.gap.items()
                 },
                 "where": [_region(r) for r in self.where],
-                "effects": [_effect(e) for e in self.effects],
+                "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [dict(m) for m in self.missing],
                 "confusable": [list(group) for group in self.confusable],

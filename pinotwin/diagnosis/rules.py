@@ -161,13 +161,6 @@ class Rules:
     most_of_time: float = 0.9
     """[of the rows] Pushes that fill more than this are no episodes."""
 
-    left_behind: float = 5.0
-    """[of the own tracking error] From here an axis runs off its command."""
-    less_than_before: float = 0.9
-    """[of the own largest effort] An axis that does not go with its command at all has met a limit only if its effort
-    stays below this: else its command may be in another unit."""
-    at_limit: float = 5.0
-    """[of the own share of time] How much longer the effort rests at its largest size at a limit."""
     other_state: float = 0.5
     """[of the gap over the effort's variation in the diagnosed logs] A validation log with less on an axis that
     nothing explains may be of before the change. Advice only."""

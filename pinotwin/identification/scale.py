@@ -92,6 +92,8 @@ def with_sizes(machine: Machine, logs: Sequence[Log], settings: Settings) -> tup
         return machine, Sizes()
     few = motion.q[:: max(1, len(motion) // 100)]
     rotor = np.diagonal(mass_matrix(machine.model, few), axis1=1, axis2=2).mean(axis=0)
+    alike = np.array([machine.axes[a].rotary for a in machine.names])
+    rotor = np.array([rotor[alike == x].max() for x in alike])
     sizes, errors = _sizes(parts, open_, bodies, np.maximum(rotor, 1e-9), settings.urdf_rows[0])
     told = 1.96 * errors < np.log(100.0)  # else the logs say nothing of the unit, which stays as it is
     open_, sizes, errors = [j for j, x in zip(open_, told, strict=True) if x], sizes[told], errors[told]

@@ -55,10 +55,15 @@ def alone(axis: Explained, raw: Floats, fit: Lag) -> Finding | None:
 
 
 def is_strange(axis: Explained, fit: Lag, tries: int = 40, best: float = 0.2) -> bool:
-    """Whether an effort (n,) fits its motion no better than when it is moved by many seconds, both ends joined."""
-    n = len(axis.u)
-    moved = [axis.left_of(np.roll(axis.u, k)) for k in np.linspace(0.1 * n, 0.9 * n, tries).astype(int)]
-    return bool(fit.left > np.quantile(moved, best))
+    """Whether an effort (n,) fits its motion no better than when it is moved by many seconds, both ends joined.
+
+    By what is left of its variance: of an axis that seldom moves, the weight it holds at other times is a constant.
+    """
+    n, now = len(axis.u), axis.u[axis.rows]
+    moved = [np.roll(axis.u, k)[axis.rows] for k in np.linspace(0.1 * n, 0.9 * n, tries).astype(int)]
+    left = fit.left * float(now @ now) / max(len(now) * float(np.var(now)), 1e-300)
+    others = [left_of(y - y.mean(), axis.basis) for y in moved]
+    return bool(left > max(np.quantile(others, best), axis.settings.poor))
 
 
 def is_unsigned(axis: Explained, raw: Floats) -> bool:

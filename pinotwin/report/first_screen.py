@@ -32,9 +32,7 @@ def how_sure(d: Diagnosis) -> list[str]:
     ]
     for e in d.effects[:3]:
         said = SCREEN["sure"].format(sure=e.confidence, cause=on_axis(e.effect, e.axis))
-        labels = (e.effect, f"{e.axis}.{e.effect}")
-        alike = [x for g in d.confusable if set(labels) & {*g} for x in g if x not in labels]
-        if alike:
+        if alike := d.alike(e):
             said += SCREEN["alike"].format(others=joined([*map(label_words, alike)]))
         told = {*(x.rpartition(".")[2] for x in alike), *OTHERWISE}
         others = rivals(

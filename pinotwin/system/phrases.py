@@ -448,6 +448,11 @@ CAUSES = {  # cause that is no effect of a machine file -> title, what it is, an
         "check screw and scale for warmth, and the compensation tables",
     ),
     "command_late": ("Command recorded late", "", "record command and position by one clock"),
+    "command_jitter": (
+        "Command rougher than the drive followed",
+        "",
+        "log the set points that the drive acts on",
+    ),
     "clock_scale": ("Clock at another rate", "", "record the time stamps of the controller"),
     "effort_of_another_run": ("Effort of another run", "", "record the effort with the same trigger"),
     "rows_lost": ("Rows lost", "", "raise the logger's buffer, or log fewer channels"),

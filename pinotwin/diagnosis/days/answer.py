@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, reduce
 from itertools import accumulate
@@ -25,7 +25,6 @@ from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
-from pinotwin.diagnosis.days.mechanisms import GROUPS
 from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
@@ -39,9 +38,9 @@ from pinotwin.motion import Motion
 from pinotwin.signals import joined, rms
 from pinotwin.system.phrases import JUDGED
 
-BEGINS = ("friction_since", "friction_at_start", "zero_since", "limit", "")
+BEGINS = ("friction_since", "friction_at_start", "zero_since", "")
 """Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
-PROOFS = ("rows_lost", "rows_held", "interpolated", "frozen", "effort_of_another_run")
+PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "frozen", "effort_of_another_run")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ class Answer:
     def track(self) -> Tracked:
         """The gap of the tracking error, simulated from the command before and after the causes."""
         rows = [(x.row, axis_of(x.row, self.r)) for x in self.named]
-        return tracked(self.c, lambda: changed(self.c.twin, rows) if rows else (None, set()))
+        return tracked(self.c, lambda: changed(self.c.twin, rows, self.r.laws) if rows else (None, set()))
 
     @property
     def gap(self) -> dict[str, dict[str, Gap]]:
@@ -269,15 +268,14 @@ class Answer:
         if not rows and self.judged.unknown:
             axis, equation, row = self._worst()
             group = {"encoders": "encoder"}.get(equation, equation)
-            none = Row("", axis, group, 0.0, {}, 0.0, 0, 0.0, 0.0, 0.0, 0.0, [], 0.0, 0.0, what=equation)
-            rows = [row or none]
+            rows = [row or Row("", axis, group, what=equation)]
         for row in rows:
             at = Place(self.r, axis_of(row, self.r), self.new.stretches)
             if row.name in BEGINS or row.what in ("time", "dry time"):
-                key = (at.axis, {"limit": "law", "": row.what}.get(row.name, "plant"))
+                key = (at.axis, "plant" if row.name else row.what)
                 spans = spells(self.r, at.logs, key, row, [x.row for x in self.named if x.row is not row])
                 out += regions(replace(row, name="", spans=spans, since=(), place=None), at)
-                row = replace(row, since=() if spans or row.name == "limit" else row.since)
+                row = replace(row, since=() if spans else row.since)
             out += regions(row, at)
         return out
 
@@ -349,13 +347,12 @@ def _judged(
 
     def admits(row: Row) -> bool:
         axes = r.axes if row.axis == ALL else (row.axis,)
-        servo = row.group in ("law", "limit") or row.name == "command_late"
-        effect = effect_of(row.name)
-        shown = all(x not in c.gate.nameless and c.gate.admits(effect, x) for x in axes)
-        shown = shown and effect not in options["leave_out"]
-        return row.group == "describe" or (
-            shown and (not servo or (options["closed_loop"] and all(c.gate.asks("servo", x) for x in axes)))
-        )
+        effect, limit = effect_of(row.name), row.group == "limit"
+        told = limit or all(x not in c.gate.nameless and c.gate.admits(effect, x) for x in axes)
+        servo = limit or row.group == "law" or row.name.startswith("command_")
+        asked = options["closed_loop"] and all(c.gate.asks("servo", x) for x in axes)
+        shown = told and effect not in options["leave_out"] and (asked or not servo)
+        return row.group == "describe" or shown
 
     decision = trained()
     q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
@@ -379,15 +376,12 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     return Answer(c, r, _judged(c, r, new, valid, options), new, valid)
 
 
-def diagnosed(
-    c: Comparison, more: Sequence[Found], limited: Sequence[Found], options: Mapping[str, Any]
-) -> Diagnosis | None:
+def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) -> Diagnosis | None:
     """Return the diagnosis of what has changed since a twin was identified; None where this cannot be judged.
 
     Args:
         c: twin and logs, compared.
         more: causes that other signals have shown.
-        limited: drives whose effort rests at a limit.
         options: of :func:`pinotwin.diagnose`, for the record, too.
     """
     a = _answer(c, options)
@@ -401,22 +395,13 @@ def diagnosed(
         c, differ = replace(c, kept=tuple(kept)), [names[k] for k in kept]
         a = _answer(c, options) or a
     made = provenance(c.twin, c.logs, c.validation, **options)
-    return replace(_told(a, more, limited, differ), quick=options["quick"], provenance=made)
+    return replace(_told(a, more, differ), quick=options["quick"], provenance=made)
 
 
-def _with_limits(found: Sequence[Found], limited: Sequence[Found], strays: Collection[str]) -> list[Found]:
-    """Return causes and limits: at a limit no law is linear, and of an axis that ran off nothing else is told."""
-    of_law = {str(e.axis) for e in found if e.effect in GROUPS["law"]}
-    at = [x for x in limited if x.axis in of_law.union(strays)]
-    axes = {x.axis for x in at}
-    gone = (*GROUPS["law"], "saturation")
-    return [*(e for e in found if e.axis not in axes or (e.effect not in gone and e.axis not in strays)), *at]
-
-
-def _told(a: Answer, more: Sequence[Found], limited: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
+def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     """Return an answer in the form of the contract; ``differ``: the logs that are judged alone."""
     c, opened, gap = a.c, a.open(), a.gap
-    effects = [*_with_limits(a.found(), limited, c.gate.strays), *more]
+    effects = [*a.found(), *more]
     word: Verdict = "partly_explained" if opened else "explained"
     if not effects:
         word = "unexplained" if opened else "none"

@@ -240,7 +240,7 @@ def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
     """Return stretch, begin and end of what begins within a run or grows through it."""
     if row.name in GROWS:
         return [(k, 0.0, float(s.t[-1])) for k, s in enumerate(at.logs)]
-    since = () if row.name == "friction_at_start" else row.since
+    since = () if row.name in ("friction_at_start", "limit") else row.since
     return [(k, t, float(at.logs[k].t[-1])) for k, t in enumerate(since)]
 
 

@@ -2,44 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
 from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.effects.family import FRICTION
-from pinotwin.errors import InputError
 from pinotwin.simulation import preferred
 from pinotwin.twin import Twin
 
-GAINS = {
-    "position_gain": "kp",
-    "proportional_gain": "kv",
-    "loop_gain": "all",
-    "integral": "rate",
-    "velocity_feedforward": "ffv",
-    "acceleration_feedforward": "ffa",
-}
-"""Row -> number of the controller."""
 
-
-def changed(twin: Twin, rows: Sequence[tuple[Row, str]]) -> tuple[Twin, set[str]]:
+def changed(twin: Twin, rows: Sequence[tuple[Row, str]], laws: Mapping[str, Law]) -> tuple[Twin, set[str]]:
     """Return the twin with causes (each with its axis) in its numbers, and the axes all of whose causes it holds."""
     held, beyond = set[str](), set[str]()
     for row, axis in rows:
-        later = _with(twin, row, axis)
+        later = _with(twin, row, axis, laws)
         (held if later is not None else beyond).add(axis)
         twin = twin if later is None else later
     return twin, held - beyond
 
 
-def _with(twin: Twin, row: Row, axis: str) -> Twin | None:
+def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | None:
     """Return the twin with one cause; None where its numbers cannot hold it."""
-    if row.name in GAINS:
-        return _turned(twin, axis, GAINS[row.name], 1.0 + row.theta)
+    if row.group == "law":
+        return _turned(twin, axis, row.theta * laws[axis].numbers()[row.name])
     if row.name == "payload":
         m, x, y, z, inertia = row.numbers
         body = np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
@@ -58,11 +49,11 @@ def _with(twin: Twin, row: Row, axis: str) -> Twin | None:
     return replace(twin, theta=theta, diagonal=diagonal)
 
 
-def _turned(twin: Twin, axis: str, name: str, factor: float) -> Twin | None:
-    servo = twin.servos.get(axis)
-    if servo is None or preferred(twin) != "coupled":
+def _turned(twin: Twin, axis: str, added: Floats) -> Twin | None:
+    """Return the twin with what a change adds to the gains of :data:`~pinotwin.diagnosis.days.law.TERMS`."""
+    if axis not in twin.servos or preferred(twin) != "coupled":
         return None
-    try:
-        return replace(twin, servos={**twin.servos, axis: servo.scaled(**{name: factor})})
-    except InputError:
-        return None
+    e, integral, v, _, vr, ar, _, qr, _ = added
+    servo = twin.servos[axis]
+    gains = tuple(x + y for x, y in zip(servo.gains, (e, integral, -v, vr, qr, ar), strict=True))
+    return replace(twin, servos={**twin.servos, axis: replace(servo, gains=gains)})

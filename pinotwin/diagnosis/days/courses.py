@@ -122,23 +122,20 @@ def spells(
         found: other causes, which are taken off first.
     """
     w, counts = r.whitenings[key], [s.axes[key[0]]["moving" if key[1] == "plant" else "one"] for s in logs]
-    left, known = r.left(logs, *key), row.name in ("limit", "")  # beyond a limit nothing is left
+    left = r.left(logs, *key)
     for f in [f for f in found if key[1] in f.acts.get(key[0], [{}])[0]]:
         left = [y - combined(x[key[1]], f.numbers) for y, x in zip(left, f.acts[key[0]], strict=True)]
     pairs = [
-        np.column_stack([y, _course(r, s, y, key, row, k)])
+        np.column_stack([y, _course(r, s, key, row, k)])
         for k, (s, y) in enumerate(zip(logs, left, strict=True))
     ]
-    white = [
-        (x if row.name == "limit" else w(x)) * settled(m)[:, None] / w.weight
-        for x, m in zip(pairs, counts, strict=True)
-    ]
+    white = [w(x) * settled(m)[:, None] / w.weight for x, m in zip(pairs, counts, strict=True)]
     Y, X = np.concatenate(white).T
     acts, size, wide, one = np.ones(len(Y), dtype=bool), 1.0, 1.0, np.array(1.0 / w.spread)
     for turn in range(8):
         if not row.name:
             wide = max(rms(Y[acts]), 1.0)
-        elif turn and not known:
+        elif turn:
             size = float(X[acts] @ Y[acts] / max(X[acts] @ X[acts], 1e-300))
         told = density(((Y - size * X) / wide) ** 2, one) - density(Y**2, one) - np.log(wide) / w.spread
         before, each = acts, np.split(told, np.cumsum([len(x) for x in white])[:-1])
@@ -149,13 +146,11 @@ def spells(
     return [] if acts.all() else [(k, float(t[0]), float(t[-1])) for k, t in rows if len(t)]
 
 
-def _course(r: Reference, s: Stretch, left: Floats, key: tuple[str, str], row: Row, k: int) -> Floats:
+def _course(r: Reference, s: Stretch, key: tuple[str, str], row: Row, k: int) -> Floats:
     """Return what a cause would do to its equation in a stretch, (n,), if it acted all the time."""
-    c, asked = s.axes[key[0]], s.axes[key[0]]["u"] - left
+    c = s.axes[key[0]]
     if not row.name:
-        return np.zeros(len(left))
-    if row.name == "limit":
-        return np.asarray(np.clip(asked, -row.theta, row.theta) - asked)
+        return np.zeros(len(s.t))
     if row.name == "zero_since":
         return zeros(r, s)[key[0]][key[0]] * row.theta
     if row.group == "onset":

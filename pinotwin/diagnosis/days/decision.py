@@ -38,6 +38,7 @@ FEATURES: Mapping[str, int] = {
     "numbers": -1,
     "over healthy logs": 1,
     "over the noise": 1,
+    "stays open": -1,
 }
 """What speaks for a cause, and the sign that its weight must have; 0 for either."""
 
@@ -119,15 +120,15 @@ class Case:
         return float(np.clip(max(left), 0.0, 1.0))
 
     def _speaks(self, r: Row, top: float, null: Mapping[str, float]) -> list[float]:
-        gain = max(sum(r.by.values()), 1e-9)
+        gain, day = max(sum(r.by.values()), 1e-9), r.by.get("day", 0.0)
         rivals = [x.score for x in self.causes if x is not r and (x.axis, x.group) != (r.axis, r.group)]
         words = [x.score for x in self.described if x.axis == r.axis]
         carried = [r.closed.get(e, 0.0) for e, x in r.by.items() if e != "day" and x > 0.1 * gain]
         searched, transform = r.group in ("time", "place"), r.group in ("recording", "limit")
         worst, best = min(r.logs), max(*r.logs, 1e-9)
-        size = (
-            min(r.worth, abs(r.theta)) if r.group == "law" else abs(r.theta) if r.group == "play" else r.worth
-        )
+        size = {"law": min(r.worth, abs(r.theta)), "play": abs(r.theta)}.get(r.group, r.worth)
+        foretold = 0.0 if r.valid is None else float(np.clip(r.valid / max(gain, 5.0), -1.0, 1.0))
+        loud = max(r.worth, 1e-3) / max(self.noise.get(r.axis, 1e-3), 1e-3)
         return [
             np.arcsinh(r.score / 5.0),
             -np.arcsinh((top - r.score) / 5.0),
@@ -137,20 +138,22 @@ class Case:
             r.positive,
             np.log10(max(r.spread, 0.5)),
             float(np.clip(worst / best, -1.0, 1.0)) if len(r.logs) > 1 else 0.5,
-            0.5
-            if transform
-            else 0.0
-            if r.valid is None
-            else float(np.clip(r.valid / max(gain, 5.0), -1.0, 1.0)),
+            0.5 if transform else foretold,
             np.log10(max(r.z, 0.1)),
             float(np.clip(np.log10(max(size, 1e-3)), -2.0, 0.5)),
-            np.arcsinh(r.by.get("day", 0.0) / 10.0),
+            np.arcsinh(day / 10.0) if day > 0.0 else 5.0 * max(day / max(gain, 5.0), -1.0),
             float(np.log(r.count)),
             np.arcsinh((r.score - null.get(r.group, 10.0)) / 5.0),
-            float(np.clip(np.log10(max(r.worth, 1e-3) / max(self.noise.get(r.axis, 1e-3), 1e-3)), -1.0, 1.0))
-            if searched
-            else 0.0,
+            float(np.clip(np.log10(loud), -1.0, 1.0)) if searched else 0.0,
+            self._leaves(r),
         ]
+
+    def _leaves(self, r: Row) -> float:
+        """Return how far the equations in which a cause acts stay off beside it, in logarithms of a healthy misfit."""
+        left = [
+            o - x * max(o - 1.0, 0.1) for e, x in r.closed.items() if (o := self.open.get(f"{r.axis} {e}"))
+        ]
+        return float(np.log(np.clip(max([1.0, *left]), 1.0, 1e2)))
 
 
 def channel(r: Row) -> str:

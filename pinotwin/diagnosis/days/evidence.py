@@ -22,10 +22,9 @@ Acting = Mapping[str, Mapping[str, Floats]]
 
 @dataclass(frozen=True, eq=False)
 class Spoilt:
-    """Rows of every stretch on which the law says nothing: the effort is none, or the drive is at its limit."""
+    """Rows of every stretch on which the law says nothing, for the effort is none."""
 
     rows: Sequence[Mask]
-    measured: bool = False  # whether the effort is what the motor gave; else the plant is asked without it
 
 
 def cells(
@@ -59,7 +58,7 @@ def cells(
         for k, s in enumerate(logs):
             x = np.column_stack([columns[k], left[k][name, equation]])
             gone = None
-            if spoilt is not None and not (spoilt.measured and equation == "plant"):
+            if spoilt is not None:
                 gone = _without_effort(r, name, equation, days[k], left[k], x.shape)
             got.add(s, k, x, None if spoilt is None else spoilt.rows[k], gone, name)
         if got.rows:

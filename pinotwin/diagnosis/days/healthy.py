@@ -34,12 +34,12 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
         )
     }
     if name in r.laws and "e" in c:
-        numbers = r.laws[name].numbers(c)
+        numbers = r.laws[name].columns(c)
         own = [numbers[k] * x for k, x in r.law_widths[name].items()]
         drift = (s.t - s.t.mean()) * 1e-4
         out["law"] = np.column_stack([c["one"] * 1e3 * w["effort"], drift * w["effort"], *own])
     if name in r.twists and "gap" in c:
-        soft = r.twist(c) * 0.05 * abs(r.twists[name][0])
+        soft = r.twist(name, c) * 0.05
         out["encoders"] = np.column_stack([c["one"], (c["q"] - c["q"].mean()) * 1e-5, soft])
     parts = {"plant": [c["dry"], c["viscous"], c["rest"]]}
     if "law" in out:

@@ -12,11 +12,12 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.causes import effect_of
 from pinotwin.diagnosis.days.decision import Case, Decision, known
 from pinotwin.diagnosis.days.detectable import Limit, detectable
+from pinotwin.diagnosis.days.limit import limit_rows
 from pinotwin.diagnosis.days.mechanisms import READ, group_of
-from pinotwin.diagnosis.days.recording import limit_rows, recording_rows
+from pinotwin.diagnosis.days.recording import recording_rows
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
-from pinotwin.diagnosis.days.rows import Asked
+from pinotwin.diagnosis.days.rows import Asked, by_score
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
 
@@ -78,7 +79,7 @@ def evidence(
         for r in rows
         if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
     ]
-    rows.sort(key=lambda r: -r.score)
+    rows.sort(key=by_score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
     return case_of(q.reference, rows, opened, len(q.logs), first=not found), rows, asked
 
@@ -143,7 +144,7 @@ def judge(
         first = first or (float(P[0]), rows, case, asked)
         if P[0] >= limit:
             break
-        best = int(np.argmax(P[1:]))
+        best = int(np.argmax(np.log(P[1:] + 1e-300).round(1)))
         if best == 0:
             unknown, described = True, next(iter(case.described), None)
             break
@@ -161,14 +162,18 @@ def judge(
 
 
 def _named(case: Case, P: Floats, best: int) -> Named:
-    """Return the best cause: rows of one effect are one name, those of one kind of change on its axis one class."""
+    """Return the best cause: rows of one effect are one name, those of one kind of change on its axis one class.
+
+    So are numbers of the controller that are as probable but for the price of one number: not told apart.
+    """
     one, p = case.causes[best], P[2:]
+    near = p > p[best] * np.exp(-SETTINGS.number)
     same = np.array([(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes])
     kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
+    kin |= near & [(r.group, r.axis) == (one.group, one.axis) for r in case.causes]
     order = [int(k) for k in np.argsort(-p) if not same[k]]
     rivals = [(case.causes[k], float(p[k])) for k in order[:4]]
-    # what is as probable but for the price of one number is not told apart
-    alike = [case.causes[k] for k in order if kin[k] and p[k] > p[best] * np.exp(-SETTINGS.number)]
+    alike = [case.causes[k] for k in order if kin[k] and near[k]]
     return Named(one, float(p[kin].sum() / max(1.0 - P[0], 1e-9)), rivals, alike)
 
 

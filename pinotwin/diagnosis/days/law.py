@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
 
-TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr")
+TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class Law:
     """``u = sum of gains times terms + a constant of every log``.
 
     Attributes:
-        gains: of :data:`TERMS`, shape (8,), SI.
+        gains: of :data:`TERMS`, shape (9,), SI.
         cascade: whether the gains are those of a position loop around a velocity loop with an integral:
             ``kp kv e + ki (e + kp int e) - kv v``.
         kp: position gain of the cascade [1/s]. ki: its integral gain [N/m or N·m/rad]; both 0 of other laws.
@@ -49,20 +49,30 @@ class Law:
         """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
         return np.asarray(np.column_stack([c[k] for k in TERMS]) @ self.gains)
 
-    def numbers(self, c: Columns) -> dict[str, Floats]:
-        """Return what a relative change of each number of the controller adds to the effort, shape (n,) each."""
-        e, integral, damping, _, forward, ahead, _, weight = self.gains
-        command, speed = c["qr"] - c["qr"][0], damping * c["v"]
-        outer = -damping * self.kp if self.cascade else e
-        position = outer * c["e"] + (integral * c["ie"] if self.cascade else 0.0)
-        velocity = forward * c["vr"] + ((weight + self.ki) * command if self.cascade else 0.0)
+    def numbers(self) -> dict[str, Floats]:
+        """Return what a relative change of each number of the controller adds to the gains, shape (9,) each."""
+        e, integral, damping, _, forward, ahead, _, weight, lead = self.gains
+        outer, inside = (-damping * self.kp, 1.0) if self.cascade else (e, 0.0)
+        added: dict[str, dict[str, float]] = {
+            "position_gain": {"e": outer, "ie": inside * integral},
+            "proportional_gain": {"e": outer, "vr": forward, "v": damping},
+            "loop_gain": {"e": e, "ie": integral, "vr": forward, "v": damping, "qr": weight, "lead": lead},
+            "integral": {"e": self.ki, "ie": integral, "qr": inside * weight, "lead": lead},
+            "velocity_feedforward": {"vr": forward, "qr": inside * weight + self.ki},
+            "acceleration_feedforward": {"ar": ahead},
+        }
+        return {name: np.array([x.get(k, 0.0) for k in TERMS]) for name, x in added.items()}
+
+    def columns(self, c: Columns) -> dict[str, Floats]:
+        """Return what these changes add to the effort, shape (n,) each, and what a load ahead of its motor does.
+
+        A command counts from where it starts. A healthy lead is small: it does not tell well what a large one does.
+        """
+        X = np.column_stack([c[k] for k in TERMS])
+        X[:, TERMS.index("qr")] -= c["qr"][0]
         return {
-            "position_gain": position,
-            "proportional_gain": outer * c["e"] + forward * c["vr"] + speed,
-            "loop_gain": e * c["e"] + integral * c["ie"] + forward * c["vr"] + speed + weight * command,
-            "integral": integral * c["ie"] + (self.ki * c["e"] + weight * command if self.cascade else 0.0),
-            "velocity_feedforward": velocity,
-            "acceleration_feedforward": ahead * c["ar"],
+            **{name: X @ gains for name, gains in self.numbers().items()},
+            "lead": X[:, -1] * self.gains[-1],
         }
 
 

@@ -56,6 +56,7 @@ GROUPS = {
         "effort_of_another_run",
         "effort_frozen",
         "command_late",
+        "command_jitter",
         "clock_scale",
         "rows_lost",
         "rows_doubled",
@@ -95,9 +96,7 @@ POSSIBLE = {
     "compliance": (-1.0, 1e4),
 }
 """Numbers that a machine can have after the change."""
-PLAY = (
-    -0.5e-4
-)  # what one number of lost motion does to the gap between the encoders: 0.1 mm, half to either side
+PLAY = -0.5e-4  # one number of lost motion in the gap between the encoders: 0.1 mm, half to either side
 
 
 def mechanisms(
@@ -127,7 +126,8 @@ def mechanisms(
     }
     if name in r.laws and "e" in c:
         out["effort_late"]["law"] = out["effort_late"]["plant"]
-        out |= {k: {"law": x} for k, x in r.laws[name].numbers(c).items()}
+        numbers = r.laws[name].columns(c)
+        out |= {k: {"law": numbers[k]} for k in GROUPS["law"]}
     if name in r.twists and "gap" in c:
         out |= _between_encoders(r, c, name, ramp)
     for other in r.axes:
@@ -179,12 +179,12 @@ def _effort_scaled(
 
 
 def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:
-    force = r.twist(c)
+    twist = r.twist(name, c)
     return {
         "lost_motion": {"encoders": PLAY * c["memory"]},
-        "lost_motion_by_load": {"encoders": PLAY * np.tanh(force / (0.1 * np.std(force)))},
+        "lost_motion_by_load": {"encoders": PLAY * np.tanh(-twist / (0.1 * np.std(twist)))},
         "lost_motion_by_inertia": {"encoders": PLAY * np.tanh(c["a"] / (0.1 * np.std(c["a"])))},
-        "compliance": {"encoders": r.twists[name][0] * force},
+        "compliance": {"encoders": twist},
         "encoder_scale": {"encoders": (c["q"] - c["q"].mean()) * 1e-4},
         "encoder_grows": {"encoders": (c["q"] - c["q"].mean()) * ramp * 1e-4},
     }

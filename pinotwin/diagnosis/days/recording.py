@@ -6,20 +6,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
-from scipy.optimize import nnls
+from scipy.signal import savgol_filter
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.days.evidence import Spoilt, cells
+from pinotwin.diagnosis.days.evidence import Left, Spoilt, cells
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
-from pinotwin.diagnosis.days.rows import Asked, positive, spread
+from pinotwin.diagnosis.days.rows import NONE, Asked, positive, spread
 from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
-from pinotwin.diagnosis.days.stretch import Columns, Stretch
+from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.signals import runs
 
+Told = Mapping[str, Mapping[str, Cells]]
+"""Axis -> equation -> cells."""
 POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr": -3, "ie": 1}
 """Channel -> power of the clock's scale that it has."""
 
@@ -29,7 +32,7 @@ def recording_rows(asked: Asked) -> list[Row]:
     r, out = asked.r, []
     for name in r.axes:
         if (name, "law") in asked.q.left[0]:
-            out += [*_without_effort(asked, name), *_late(asked, name)]
+            out += [*_without_effort(asked, name), *_command(asked, name)]
     return [*out, *_clock(asked)]
 
 
@@ -41,7 +44,7 @@ def _without_effort(asked: Asked, name: str) -> list[Row]:
     for cause, rows in (("effort_of_another_run", whole), ("effort_frozen", still)):
         if any(x.any() for x in rows):
             c = cells(asked.r, q.logs, q.left, name, spoilt=Spoilt(rows))
-            out.append(_again(asked, cause, name, {name: c}, float("nan"), 5.0))
+            out.append(again(cause, name, (asked.cells, {name: c}), float("nan"), 5.0))
     return out
 
 
@@ -57,107 +60,36 @@ def _frozen(s: Stretch, name: str) -> Mask:
     return out
 
 
-def limit_rows(asked: Asked) -> list[Row]:
-    """Return the rows of drives at their limit: the effort stays behind what the law asks, and its integral stands."""
-    out = []
-    for name in asked.r.axes:
-        if (name, "law") not in asked.q.left[0]:
-            continue
-        each = [
-            _limited(asked.r, s, x[name, "law"], name)
-            for s, x in zip(asked.q.logs, asked.q.left, strict=True)
-        ]
-        if not any(x is not None and x[1].any() for x in each):
-            continue
-        left, rows, events = [], [], 0
-        for x, found in zip(asked.q.left, each, strict=True):
-            rest, at = found or (x[name, "law"], np.zeros(len(x[name, "law"]), dtype=bool))
-            left.append({**x, (name, "law"): rest})
-            rows.append(at)
-            events += int(np.sum(np.diff(at.astype(int)) > 0))
-        c = cells(asked.r, asked.q.logs, left, name, spoilt=Spoilt(rows, measured=True))
-        spans = [
-            (k, float(s.t[x.start]), float(s.t[x.stop - 1]))
-            for k, (s, at) in enumerate(zip(asked.q.logs, rows, strict=True))
-            for x in runs(at)
-        ]
-        since = [min(a for n, a, _ in spans if n == k) for k in sorted({n for n, _, _ in spans})]
-        level = float(np.median([_held(asked.q.logs[k], name, a, b) for k, a, b in spans]))
-        row = _again(asked, "limit", name, {name: c}, level, SETTINGS.number * events)
-        out.append(replace(row, group="limit", since=since, spans=spans))
-    return out
+def _command(asked: Asked, name: str) -> list[Row]:
+    """Return the rows of a command that was recorded late by whole samples, or rougher than the drive followed it."""
+    late = np.asarray(np.arange(-2, 15) * asked.q.logs[0].cycle, dtype=float)
+    times = np.array([0.0, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13])
+    return [
+        *_otherwise(asked, name, "command_late", _earlier, late),
+        *_otherwise(asked, name, "command_jitter", _smoothed, times),
+    ]
 
 
-def _held(s: Stretch, name: str, a: float, b: float) -> float:
-    """Return the size at which the effort stands between two times [N or N·m]."""
-    m = s.motion
-    rows = (m.t - m.t[0] >= a) & (m.t - m.t[0] <= b)
-    return float(np.quantile(np.abs(m.u[rows, m.names.index(name)]), 0.95))
+def _otherwise(
+    asked: Asked, name: str, cause: str, changed: Callable[[Stretch, str, float], Stretch], tried: Floats
+) -> list[Row]:
+    """Return the row of a command changed by the number that leaves least of the law; none where that is 0."""
 
+    def left(number: float) -> tuple[list[Stretch], list[Left]]:
+        logs = [changed(s, name, number) for s in asked.q.logs]
+        return logs, [asked.r.residuals(s, [name]) for s in logs]
 
-def _limited(r: Reference, s: Stretch, left: Floats, name: str, most: int = 60) -> tuple[Floats, Mask] | None:
-    """Return what the law leaves between the times at a limit, and those times; None where it is no limit.
-
-    A drive at its limit does not integrate: after each such time the law is off by another constant.
-    """
-    w, u = r.whitenings[name, "law"], s.axes[name]["u"]
-    high = max(8.0 * w.sigma, 0.01 * float(np.abs(u).max()))
-    pad, hold = max(1, int(0.06 / s.step)), max(2, int(0.12 / s.step))
-    rest, at, i = left - np.median(left[:hold]), np.zeros(len(left), dtype=bool), 0
-    for _ in range(most):
-        behind = np.flatnonzero(rest[i:] * np.sign(u[i:]) < -high)
-        if not len(behind):
-            break
-        a = i + int(behind[0])
-        b = a
-        while b + hold < len(rest) and np.ptp(rest[b : b + hold]) > 0.5 * high:
-            b += 1
-        at[max(a - pad, 0) : b + pad] = True
-        rest[b:] -= np.median(rest[b : b + hold])
-        i = min(b + 1, len(rest) - 1)
-        if b + hold >= len(rest):
-            break
-    else:
-        return None
-    return (rest, at) if at.mean() < 0.4 and _at_limit(s.axes[name], rest, at, high) else None
-
-
-def _at_limit(c: Columns, left: Floats, at: Mask, slack: float) -> bool:
-    """Whether a drive is at a limit ``|u| = L - b |v|``: its effort is nearer to it than to the law, never beyond."""
-    u, speed = np.abs(c["u"]), np.abs(c["v"])
-    drives = c["u"] * c["v"] > 0.0
-    held, later = at & drives, drives & ~at & (np.arange(len(at)) > int(np.argmax(at)))
-    if not held.any():
-        return True
-    X = np.column_stack([np.ones(len(u)), -speed])
-    level = X @ nnls(X[held], u[held])[0]
-    off = (u - level)[held]
-    level += float(np.quantile(off, 0.9)) + slack
-    return bool(np.std(off) < np.std(left[held]) and np.sum(u[later] > level[later]) <= 0.01 * later.sum())
-
-
-def _late(asked: Asked, name: str) -> list[Row]:
-    """Return the row of a command that was recorded late by whole samples."""
-    cycle = asked.q.logs[0].cycle
-    delays = np.arange(-2, 15) * cycle
-
-    def rest(delay: float) -> float:
-        each = [asked.r.residuals(_earlier(s, name, delay), [name])[name, "law"] for s in asked.q.logs]
-        return float(sum(np.log(np.var(x)) for x in each))
-
-    best = _best(np.asarray(delays, dtype=float), 0.0, rest)
+    best = _best(tried, 0.0, lambda x: float(sum(np.log(np.var(each[name, "law"])) for each in left(x)[1])))
     if not best:
         return []
-    logs = [_earlier(s, name, best) for s in asked.q.logs]
-    left = [asked.r.residuals(s, [name]) for s in logs]
-    c = cells(asked.r, logs, left, name)
-    return [_again(asked, "command_late", name, {name: c}, best, SETTINGS.number + 2.0)]
+    c = cells(asked.r, *left(best), name)
+    return [again(cause, name, (asked.cells, {name: c}), best, SETTINGS.number + 2.0)]
 
 
 def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> float:
     """Return the number that leaves least; only where one beside the healthy one leaves less are all tried."""
     at = int(np.argmin(np.abs(tried - healthy)))
-    near = float(min(tried[at - 1 : at + 2], key=rest))
+    near = float(min(tried[max(at - 1, 0) : at + 2], key=rest))
     return near if near == tried[at] else float(min(tried, key=rest))
 
 
@@ -176,6 +108,17 @@ def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
     return replace(s, axes={**s.axes, name: c})
 
 
+def _smoothed(s: Stretch, name: str, time: float) -> Stretch:
+    """Return a stretch with the command of an axis smoothed by cubics over a time [s] (Savitzky-Golay 1964)."""
+    if time == 0.0:
+        return s
+    c, rows = dict(s.axes[name]), 2 * round(0.5 * time / float(s.t[1] - s.t[0])) + 1
+    c |= {k: savgol_filter(c[k], rows, min(3, rows - 1)) for k in ("qr", "vr", "ar", "jr")}
+    change = c["qr"] - s.axes[name]["qr"]
+    c |= {"e": c["e"] + change, "ie": c["ie"] + cumulative_trapezoid(change, s.t, initial=0.0)}
+    return replace(s, axes={**s.axes, name: c})
+
+
 def _clock(asked: Asked) -> list[Row]:
     """Return the row of a clock that runs too fast or too slowly."""
     q = asked.q
@@ -190,8 +133,8 @@ def _clock(asked: Asked) -> list[Row]:
         return []
     logs = [_slower(asked.r, s, best) for s in q.logs]
     left = [asked.r.residuals(s) for s in logs]
-    again = {k: cells(asked.r, logs, left, k) for k in asked.r.axes}
-    return [_again(asked, "clock_scale", ALL, again, best, SETTINGS.number + 2.0)]
+    each = {k: cells(asked.r, logs, left, k) for k in asked.r.axes}
+    return [again("clock_scale", ALL, (asked.cells, each), best, SETTINGS.number + 2.0)]
 
 
 def _slower(r: Reference, s: Stretch, factor: float) -> Stretch:
@@ -208,16 +151,14 @@ def _slower(r: Reference, s: Stretch, factor: float) -> Stretch:
     return replace(s, axes=axes)
 
 
-def _again(
-    asked: Asked, cause: str, axis: str, again: Mapping[str, Mapping[str, Cells]], number: float, price: float
-) -> Row:
-    """Return the row of a transform from the cells that it leaves: gains of equations, each per cell that is there."""
-    by, closed = {"day": 0.0}, dict[str, float]()
-    logs, every = np.zeros(len(asked.q.logs)), list[Floats]()
-    for name, each in again.items():
+def again(cause: str, axis: str, cells: tuple[Told, Told], number: float, price: float) -> Row:
+    """Return the row of a transform from cells before and after: gains [nats] per cell that is there."""
+    by, closed, every = {"day": 0.0}, dict[str, float](), list[Floats]()
+    logs = np.zeros(1 + max(int(c.log.max()) for each in cells[0].values() for c in each.values()))
+    for name, each in cells[1].items():
         for equation, c in each.items():
-            before, old = asked.base[name, equation], asked.cells[name][equation]
-            after = score([(c, np.zeros(0, dtype=np.intp))], 0)
+            old = cells[0][name][equation]
+            before, after = (score([(x, NONE)], 0) for x in (old, c))
             new, was = after.held[0], before.held[0]
             by["day"] += after.cost - before.cost
             was_open, is_open = opened(old, was), opened(c, new)

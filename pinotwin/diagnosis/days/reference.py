@@ -8,14 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.identification.misfit import own_residual
-from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
@@ -29,11 +28,11 @@ class Reference:
     """A twin and its healthy days.
 
     Attributes:
-        twin: the plant. axes: that are judged. closed: whose position loop is closed on the load.
+        twin: the plant. axes: that are judged.
         top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
         logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
-        twists: axis -> compliance and inertia between its two encoders, shape (2,).
+        twists: axis -> what effort, acceleration and jerk do between its two encoders, shape (3,), SI.
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
         tables: axis -> place and misfit that healthy logs share there.
@@ -41,7 +40,6 @@ class Reference:
 
     twin: Twin
     axes: tuple[str, ...]
-    closed: frozenset[str]
     top: Mapping[str, float]
     logs: tuple[Stretch, ...]
     laws: Mapping[str, Law]
@@ -57,13 +55,9 @@ class Reference:
         left = {k: w for k, w in self.whitenings.items() if k[1] != "law"}
         return replace(self, laws={}, law_widths={}, whitenings=left)
 
-    def twist(self, c: Columns) -> Floats:
-        """Return what the spring between two encoders carries, shape (n,): the effort less half of dry friction."""
-        return np.asarray(c["u"] - 0.5 * c["dry"])
-
-    def tied(self, name: str, c: Columns) -> Floats | float:
-        """Return what a velocity loop adds that integrates the motor while the load is watched, (n,) [N or N·m]."""
-        return self.laws[name].ki * c["gap"] if name in self.closed and "gap" in c else 0.0
+    def twist(self, name: str, c: Columns) -> Floats:
+        """Return how far the spring between two encoders gives, (n,) [m or rad]; the rotor keeps some effort."""
+        return _between(c) @ (self.twists[name] * [1.0, 1.0, 0.0])
 
     def residuals(self, s: Stretch, only: Collection[str] | None = None) -> dict[tuple[str, str], Floats]:
         """Return what each equation of every axis leaves of a stretch, shape (n,) each."""
@@ -73,11 +67,10 @@ class Reference:
             place, shared = self.tables.get(name, (np.zeros(1), np.zeros(1)))
             out[name, "plant"] = (c["left"] - np.interp(c["q"], place, shared)) * c["moving"]
             if name in self.laws and "e" in c:
-                r = c["u"] - self.laws[name].effort(c) - self.tied(name, c)
+                r = c["u"] - self.laws[name].effort(c)
                 out[name, "law"] = r - np.median(r)
             if name in self.twists and "gap" in c:
-                a, b = self.twists[name]
-                r = c["gap"] - a * self.twist(c) - b * c["j"]
+                r = c["gap"] - _between(c) @ self.twists[name]
                 out[name, "encoders"] = r - np.median(r)
         return out
 
@@ -91,32 +84,27 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     if twin.misfit is None:
         return None
     motion = with_model_effort(twin.misfit.motion, twin.effects, twin.theta)
-    own, logs, cuts = own_residual(twin), [], _logs(motion, twin.misfit.log)
+    own, logs = own_residual(twin), list[Stretch]()
+    edges = [0, *(np.flatnonzero(np.diff(twin.misfit.log)) + 1).tolist(), len(motion)]
     index = {k: twin.machine.names.index(k) for k in axes}
     top = {k: float(np.quantile(np.abs(motion.v[:, j]), 0.99)) for k, j in index.items()}
-    for k, (start, stop) in enumerate(cuts):
+    for k, (start, stop) in enumerate(pairwise(edges)):
         logs += stretches(twin, motion.cut(start, stop), own[start:stop], k, axes, top)
-    closed = frozenset(k for k, j in index.items() if motion.on_load and motion.on_load[j])
     known_days = len({s.log for s in logs})
     if not known_days:
         return None
-    bare = Reference(twin, tuple(axes), closed, top, tuple(logs), {}, {})
+    bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {})
     if known_days < SEVERAL:  # the prior stands for the scatter between days
         logs = [part for s in logs for part in s.thirds()]
-    days = sorted({s.log for s in logs})
-    unseen: list[tuple[Stretch, dict[tuple[str, str], Floats]]] = []
-    for day in days:
-        known = _fitted(bare, [s for s in logs if s.log != day])
-        unseen += [(s, known.residuals(s)) for s in logs if s.log == day]
-    return replace(
-        _measured(_fitted(bare, logs), unseen, known_days * (known_days >= SEVERAL)), days=known_days
-    )
+    others = {day: _fitted(bare, [s for s in logs if s.log != day]) for day in {s.log for s in logs}}
+    unseen = [(s, others[s.log].residuals(s)) for s in logs]
+    known = _measured(_fitted(bare, logs), unseen, known_days * (known_days >= SEVERAL))
+    return replace(known, days=known_days)
 
 
-def _logs(motion: Motion, log: Ints) -> list[tuple[int, int]]:
-    """Return first and last row of every log of a twin."""
-    edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), len(motion)]
-    return list(pairwise(edges))
+def _between(c: Columns) -> Floats:
+    """Return what moves two encoders against each other, shape (n, 3): half of the dry friction acts on the motor."""
+    return np.column_stack([c["u"] - 0.5 * c["dry"], c["a"], c["j"]])
 
 
 def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
@@ -127,13 +115,13 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
         if all("e" in c for c in columns):
             laws[name] = Law.fitted(columns)
         if all("gap" in c for c in columns):
-            X = np.concatenate([np.column_stack([bare.twist(c), c["j"]]) for c in columns])
+            X = np.concatenate([_between(c) for c in columns])
             own = np.concatenate([np.full(len(c["u"]), k) for k, c in enumerate(columns)])
             X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
             scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
             y = np.concatenate([c["gap"] for c in columns])
-            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:2]
-    return Reference(bare.twin, bare.axes, bare.closed, bare.top, bare.logs, laws, twists)
+            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:3]
+    return Reference(bare.twin, bare.axes, bare.top, bare.logs, laws, twists)
 
 
 def _measured(
@@ -147,9 +135,8 @@ def _measured(
         widths[name], left = _day(columns, left, days)
         tables[name] = shared_shape(columns, left)
         place, shared = tables[name]
-        left = [
-            x - np.interp(c["q"], place, shared) * c["moving"] for x, c in zip(left, columns, strict=True)
-        ]
+        common = [np.interp(c["q"], place, shared) * c["moving"] for c in columns]
+        left = [x - y for x, y in zip(left, common, strict=True)]
         whitenings[name, "plant"] = Whitening.measured(left, [c["moving"] for c in columns])
         for equation in EQUATIONS[1:]:
             if (name, equation) in unseen[0][1]:
@@ -161,9 +148,7 @@ def _measured(
                 del laws[name]  # it copies the plant, or foretells no log
             else:
                 law_widths[name] = _law_widths(laws[name], columns, [x[name, "law"] for _, x in unseen])
-    return Reference(
-        r.twin, r.axes, r.closed, r.top, r.logs, laws, r.twists, whitenings, widths, law_widths, tables
-    )
+    return Reference(r.twin, r.axes, r.top, r.logs, laws, r.twists, whitenings, widths, law_widths, tables)
 
 
 def _day(
@@ -175,10 +160,8 @@ def _day(
     for c, y in zip(columns, left, strict=True):
         X = np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) * c["moving"][:, None]
         scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        b = (
-            np.linalg.solve((X / scale).T @ (X / scale) + 1e-6 * np.eye(X.shape[1]), (X / scale).T @ y)
-            / scale
-        )
+        A = X / scale
+        b = np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ y) / scale
         numbers.append(b)
         rest.append(y - X @ b)
     dry, viscous, offset, inertia, snap = np.mean(np.square(numbers), axis=0)
@@ -204,16 +187,13 @@ def _day(
 
 def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) -> dict[str, float]:
     """Return how far each number of a law is off on a log left out."""
-    out = {}
-    each = [law.numbers(c) for c in columns]
-    for name in ("position_gain", "loop_gain", "velocity_feedforward", "acceleration_feedforward"):
+    out, each = {}, [law.columns(c) for c in columns]
+    for name in ("position_gain", "loop_gain", "velocity_feedforward", "acceleration_feedforward", "lead"):
         off = []
         for x, y in zip(each, left, strict=True):
             z = x[name] - x[name].mean()
             off.append(float(z @ y) / max(float(z @ z), 1e-300))
-        out[name] = min(
-            1.5 * rms(np.array(off)) + 1e-5, 1.0
-        )  # of a number near none anything would be a multiple
+        out[name] = min(1.5 * rms(np.array(off)) + 1e-5, 1.0)  # of one near none anything would be a multiple
     return out
 
 

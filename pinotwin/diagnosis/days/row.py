@@ -42,17 +42,17 @@ class Row:
     name: str
     axis: str
     group: str
-    score: float
-    by: Mapping[str, float]
-    price: float
-    count: int
-    theta: float
-    error: float
-    z: float
-    worth: float
-    logs: Sequence[float]
-    positive: float
-    spread: float
+    score: float = 0.0
+    by: Mapping[str, float] = field(default_factory=dict)
+    price: float = 0.0
+    count: int = 0
+    theta: float = 0.0
+    error: float = 0.0
+    z: float = 0.0
+    worth: float = 0.0
+    logs: Sequence[float] = ()
+    positive: float = 0.0
+    spread: float = 0.0
     closed: Mapping[str, float] = field(default_factory=dict)
     valid: float | None = None
     what: str = ""

@@ -269,10 +269,15 @@ def spread(gains: Floats) -> float:
     return total**2 / max(float((gains**2).sum()), 1e-9) if total > 0.0 else 0.0
 
 
+def by_score(row: Row) -> float:
+    """Return the key that puts the best row first; of two within a nat, with one column, the first that is listed."""
+    return -round(row.score)
+
+
 def _best(rows: Sequence[Row]) -> list[Row]:
     """Return rows by score, of descriptions three an axis and of other axes' places one."""
     most, seen, out = {"cross_friction": 1, "describe": 3}, dict[tuple[str, str], int](), []
-    for row in sorted(rows, key=lambda x: -x.score):
+    for row in sorted(rows, key=by_score):
         key = (row.name, row.axis)
         seen[key] = seen.get(key, 0) + 1
         if seen[key] <= most.get(row.name, len(rows)):

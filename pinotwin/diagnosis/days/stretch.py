@@ -170,6 +170,9 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
         error = smooth(m.error[:, j], m.step)
         out |= {"e": error, "ie": np.cumsum(error) * m.step, "qr": command(t)}
         out |= {k: command(t, n) for n, k in enumerate(("vr", "ar", "jr"), 1)}
+        # A velocity loop integrates the motor, also where the position loop is closed on the load.
+        watched = bool(m.on_load) and m.on_load[j]
+        out["lead"] = out["gap"] if watched and "gap" in out else np.zeros(len(t))
     return out
 
 

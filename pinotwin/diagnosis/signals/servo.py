@@ -1,91 +1,106 @@
-"""Drives at their limit, told by an effort that rests there though the command asks for more."""
+"""Drives at their limit where no healthy day tells the law: that of the logs themselves stands for it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.result import Found, Size
-from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.injections import posterior
-from pinotwin.diagnosis.search.trials import TRIALS
-from pinotwin.diagnosis.signals.limits import exceeded, reached
-from pinotwin.motion import Motion
-from pinotwin.signals import rms
-from pinotwin.twin import Twin
+from pinotwin.diagnosis.days.causes import Place, sizes
+from pinotwin.diagnosis.days.decision import Case, trained
+from pinotwin.diagnosis.days.evidence import cells
+from pinotwin.diagnosis.days.law import TERMS, Law
+from pinotwin.diagnosis.days.limit import Drive, limit_row
+from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.rows import NONE
+from pinotwin.diagnosis.days.score import opened, score
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
+from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.diagnosis.result import Found
+from pinotwin.effects.scene import with_model_effort
+from pinotwin.signals import rms, roughness
+
+LEVELS = 2
+"""How many of the commonest efforts are tried as one at which the law says nothing of its noise."""
 
 
-def limits(
-    c: Comparison, leave_out: Collection[str] = (), rules: Rules = RULES, *, rests: bool = False
-) -> list[Found]:
-    """Return the drives at their limit, which were at none on the twin's own logs.
-
-    Args:
-        c: a machine or twin, and logs.
-        leave_out: effects that are not considered.
-        rules: thresholds.
-        rests: also take an effort for limited that rests at its largest for longer than on the own logs.
-    """
-    motion, out = c.new.motion, list[Found]()
-    # The efforts as they were logged, unless they are those of motors.
-    logs = [one.log for one in (*c.logs, *c.validation)] if c.machine.transmission is None else []
-    if motion.qr is None or "saturation" in leave_out:
+def limits(c: Comparison, leave_out: Collection[str] = ()) -> list[Found]:
+    """Return the drives at their limit by the logs in question alone."""
+    if c.new.motion.qr is None or "saturation" in leave_out:
         return []
-    for axis in c.machine.axes.values():
-        if not c.gate.asks("servo", axis.name):
-            continue
-        level = _level(c, axis.index, [motion], rests=rests)
-        if level is None or exceeded([x[u] for x in logs if (u := f"{axis.name}.u") in x], level):
-            continue
-        again = [_level(c, axis.index, part, rests=rests) is not None for part in _without_stretches(motion)]
-        sure = posterior(sum(again), len(again), rules)
-        told, unit = {"limit": level}, "N·m" if axis.rotary else "N"
-        size = Size("limit", np.inf, level, unit, (0.98 * level, 1.02 * level))
-        out.append(Found("saturation", axis.name, sure, told, told, {}, [], size=[size], gain=1.0))
-    return out
+    axes = [k for k in c.machine.names if k in c.machine.axes and c.gate.asks("servo", k)]
+    logs = list[Stretch]()
+    for k, m in enumerate(c.motions[: len(c.logs)]):
+        m = with_model_effort(m, c.twin.effects, c.twin.theta)
+        logs += stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {})
+    found = [_limit(c, logs, k) for k in axes if logs and all("e" in s.axes[k] for s in logs)]
+    return [x for x in found if x is not None]
 
 
-def _level(c: Comparison, joint: int, parts: Sequence[Motion], *, rests: bool) -> float | None:
-    """Return the effort at which a drive rests though its command asks for more, as it never did on the own logs."""
-    own = None if c.own is None or c.own.motion.qr is None else c.own.motion
-    usual = np.inf if own is None else max(rms(own.error[:, joint]), 1e-300)  # tracking error
-    found = reached(parts, joint, usual, partial(_asked, c.twin, joint))
-    if c.own is None:
-        return None if found is None else found.level
-    if found is not None and reached([c.own.motion], joint) is None:
-        return found.level
-    if not rests or own is None:
+def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
+    """Return the limit of one drive, with the probability of the decision; None where it has none."""
+    columns = [s.axes[name] for s in logs]
+    law = _controller(columns)
+    if not law.stable:
         return None
-    return _rests(parts, [own], joint, strays=c.machine.names[joint] in c.gate.strays)
+    left = [x["u"] - law.effort(x) for x in columns]
+    left = [x - np.median(x) for x in left]
+    widths = {**SETTINGS.widths, "inertia": 0.0, "snap": 0.0}
+    widths["effort"] = rms(np.concatenate([x["u"] for x in columns]))
+    r = Reference(c.twin, (name,), {}, tuple(logs), {name: law}, {}, days=1)
+    r = replace(r, widths={name: widths}, law_widths={name: {}})
+    cases = []
+    for each in _drives(logs, name, left):
+        r = replace(r, whitenings={(name, "law"): each[0].w})
+        before = cells(r, logs, [{(name, "law"): d.left} for d in each], name)
+        row = limit_row(each, before, r)
+        if row is not None:
+            open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).held[0])}
+            noise = {name: float(np.mean([x["raw"][0] for x in columns]))}
+            cases.append(Case.of([row], open_, noise, len(logs), first=True))
+    told = [(x.causes[0], x) for x in cases if x.causes]
+    if not told:
+        return None
+    row, case = max(told, key=lambda x: x[0].score)
+    if _never_beyond(c, name, row.theta):
+        return None
+    shape, sure = {"limit": row.theta}, float(trained().probabilities(case)[-1])
+    size = sizes(row, Place(r, name, logs))
+    return Found("saturation", name, sure, shape, shape, {}, [], size=size, gain=row.score)
 
 
-def _asked(twin: Twin, joint: int, motion: Motion) -> Floats:
-    """Return the effort that the command of a motion asks of a drive: that of the twin if it were followed, (n,)."""
-    pairs = ((motion.qr, motion.q), (motion.vr, motion.v), (motion.ar, motion.a))
-    q, v, a = (measured if r is None else np.where(np.isfinite(r), r, measured) for r, measured in pairs)
-    return np.asarray(twin.effort(replace(motion, q=q, v=v, a=a))[:, joint])
+def _drives(logs: Sequence[Stretch], name: str, left: Sequence[Floats]) -> Iterator[list[Drive]]:
+    """Yield an axis in all logs by the noise of its law below one of its commonest efforts."""
+    j = logs[0].motion.names.index(name)
+    noise = roughness([np.nan_to_num(s.motion.u[:, j]) for s in logs])
+    size = np.abs(np.concatenate([np.nan_to_num(s.motion.u[s.rows, j]) for s in logs]))
+    wide = max(4.0 * noise, 1e-3 * float(size.max()))
+    edges = np.arange(float(size.max()), 0.3 * float(size.max()), -wide)
+    for level in edges[np.argsort([-np.sum(np.abs(size - x) < wide) for x in edges])[:LEVELS]]:
+        below = [(np.abs(s.axes[name]["u"]) < level - wide).astype(float) for s in logs]
+        w = Whitening.measured(left, below)
+        for level_noise in (noise, float(np.hypot(noise, w.sigma))):
+            yield [Drive(s, name, x, w, level_noise, feedback=False) for s, x in zip(logs, left, strict=True)]
 
 
-def _without_stretches(motion: Motion) -> list[list[Motion]]:
-    """Return what is left of a motion when each of :data:`TRIALS` stretches is left out."""
-    edges = np.linspace(0, len(motion), TRIALS + 1).astype(int)
-    parts = [motion.cut(int(a), int(b)) for a, b in pairwise(edges)]
-    return [[p for p in parts if p is not out] for out in parts]
+def _never_beyond(c: Comparison, name: str, level: float) -> bool:
+    """Whether the twin's own logs, where it has some, went no further than a level [N or N·m] either."""
+    if c.own is None:
+        return False
+    u = c.own.motion.u[:, c.machine.names.index(name)]
+    return float(np.nanmax(np.abs(u))) < level + 4.0 * roughness([u[np.isfinite(u)]])
 
 
-def _rests(new: Sequence[Motion], own: Sequence[Motion], joint: int, *, strays: bool) -> float | None:
-    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
-    errors = [
-        rms(np.concatenate([m.error[:, joint] for m in part if m.qr is not None])) for part in (new, own)
-    ]
-    sizes = [np.abs(np.nan_to_num(np.concatenate([m.u[:, joint] for m in part]))) for part in (new, own)]
-    rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in sizes]
-    top, before = (float(np.quantile(x, 0.999)) for x in sizes)
-    off = errors[0] >= RULES.left_behind * errors[1] and (top < RULES.less_than_before * before or not strays)
-    return top if off or rests[0] >= RULES.at_limit * rests[1] else None
+def _controller(logs: Sequence[Columns]) -> Law:
+    """Return the law of some logs with the signs of a controller: a copy of the plant has others."""
+    rows = [np.column_stack([*(c[k] for k in TERMS), c["u"]]) for c in logs]
+    Z = np.concatenate([x - x.mean(axis=0) for x in rows])
+    X, scale = Z[:, :-1], np.maximum(np.abs(Z[:, :-1]).max(axis=0), 1e-300)
+    low = [{"e": 0.0, "ie": 0.0, "a": -1e-9}.get(k, -np.inf) for k in TERMS]
+    high = [{"v": 0.0, "a": 1e-9}.get(k, np.inf) for k in TERMS]
+    return Law(lsq_linear(X / scale, Z[:, -1], (low, high), method="bvls").x / scale, False, 0.0, 0.0)
