@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 56_630,
+    lines: 56_629,
     module_numbers: 114,
     numbers_without_unit: 308,
     stories: 6,

@@ -45,12 +45,9 @@ def judge(
     open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"], rules)}
     told = {axis for e in effects for axis in _axes(e)}
     known = gaps.keys() - told
-    u, fine = {axis: row["u"] for axis, row in gaps.items()}, ("agrees", "within misfit")
-    agree = {axis for axis, g in u.items() if grade(g.rms, g.expected, g.noise) in fine}  # before any cause
-    unsure = [axis for e in possible for axis in _axes(e) & known - agree]
+    unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
     left = (*open_axes, *patterns, *unsure, *(name for name in c.gate.silent if name in gaps))
-    squares = {axis: (u[axis].after / max(u[axis].rms, 1e-300)) ** 2 for axis in left}
-    unexplained = {axis: {"u": float(np.clip(x, 0.0, 1.0))} for axis, x in squares.items()}
+    unexplained = {axis: {"u": _left(gaps[axis]["u"])} for axis in left}
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
     else:
@@ -75,6 +72,11 @@ def _axes(e: Found) -> set[str]:
     return {str(e.axis), *e.acts}
 
 
+def _left(g: Gap) -> float:
+    """Return the share of a squared gap that no named cause closes."""
+    return float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))
+
+
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     """Whether more of an axis' gap stays than its model leaves on healthy logs.
 
@@ -83,6 +85,11 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
     return is_open(g.after, g.noise, g.expected, size, rules)
+
+
+def _agrees(g: Gap) -> bool:
+    """Whether the gap of an axis, before any cause, is no more than what is left anyway."""
+    return grade(g.rms, g.expected, g.noise) in ("agrees", "within misfit")
 
 
 def _quiet(g: Gap) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -20,13 +19,6 @@ Left = dict[tuple[str, str], Floats]
 Acting = Mapping[str, Mapping[str, Floats]]
 
 
-@dataclass(frozen=True, eq=False)
-class Spoilt:
-    """Rows of every stretch on which the law says nothing, for the effort is none."""
-
-    rows: Sequence[Mask]
-
-
 def cells(
     r: Reference,
     logs: Sequence[Stretch],
@@ -35,7 +27,7 @@ def cells(
     acting: Sequence[Acting] | None = None,
     *,
     found: Shapes | None = None,
-    spoilt: Spoilt | None = None,
+    spoilt: Sequence[Mask] | None = None,
 ) -> dict[str, Cells]:
     """Return equation -> cells of one axis.
 
@@ -46,7 +38,7 @@ def cells(
         name: of the axis.
         acting: of every stretch: cause -> equation -> columns.
         found: axis and equation -> size of the causes that were found.
-        spoilt: rows without an effort; only plant and law are asked then.
+        spoilt: of every stretch the rows without an effort; only plant and law are asked then.
     """
     days = [healthy_day(r, s, name, found or {}) for s in logs]
     asked = [e for e in EQUATIONS if (name, e) in left[0] and (spoilt is None or e != "encoders")]
@@ -60,7 +52,7 @@ def cells(
             gone = None
             if spoilt is not None:
                 gone = _without_effort(r, name, equation, days[k], left[k], x.shape)
-            got.add(s, k, x, None if spoilt is None else spoilt.rows[k], gone, name)
+            got.add(s, k, x, None if spoilt is None else spoilt[k], gone, name)
         if got.rows:
             out[equation] = got.cells(days[0][equation].shape[1], at)
     return out

@@ -144,7 +144,7 @@ def judge(
         first = first or (float(P[0]), rows, case, asked)
         if P[0] >= limit:
             break
-        best = int(np.argmax(np.log(P[1:] + 1e-300).round(1)))
+        best = int(np.argmax(np.log(P[1:] + 1e-300).round(1)))  # of two alike the first that is listed
         if best == 0:
             unknown, described = True, next(iter(case.described), None)
             break

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.days.evidence import Left, Spoilt, cells
+from pinotwin.diagnosis.days.evidence import Left, cells
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.rows import NONE, Asked, positive, spread
@@ -43,7 +43,7 @@ def _without_effort(asked: Asked, name: str) -> list[Row]:
     whole = [np.ones(len(s.t), dtype=bool) for s in q.logs]
     for cause, rows in (("effort_of_another_run", whole), ("effort_frozen", still)):
         if any(x.any() for x in rows):
-            c = cells(asked.r, q.logs, q.left, name, spoilt=Spoilt(rows))
+            c = cells(asked.r, q.logs, q.left, name, spoilt=rows)
             out.append(again(cause, name, (asked.cells, {name: c}), float("nan"), 5.0))
     return out
 
