@@ -50,7 +50,9 @@ class Asked:
         right = {id(r) for r, yes in every if yes}
         self.right = [k + 2 for k, r in enumerate(self.case.causes) if id(r) in right]
         best = max((self.case.causes[k - 2].score for k in self.right), default=-99.0)
-        self.right = [k for k in self.right if self.case.causes[k - 2].score > 0.5 * best]
+        self.right = [
+            k for k in self.right if self.case.causes[k - 2].score > max(0.5 * best, self._least(k))
+        ]
         if healthy(line) and first:
             self.right = [0]
         elif outside or (not self.right and first and line["kind"] == "command_jitter"):
@@ -59,6 +61,12 @@ class Asked:
             self.right = [0, 1] if first else [0]
         elif best < FEW:
             self.right = [*self.right, 0, 1]
+
+    def _least(self, k: int) -> float:
+        """Return nine tenths of the best right score of one kind of change on its axis [nats]."""
+        one = self.case.causes[k - 2]
+        kin = [x for i in self.right if _kin(x := self.case.causes[i - 2], one)]
+        return 0.9 * max(x.score for x in kin)
 
 
 def healthy(line: Mapping[str, Any]) -> bool:

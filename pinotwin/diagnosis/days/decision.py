@@ -19,7 +19,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.mechanisms import GROUPS, READ
 from pinotwin.diagnosis.days.reference import SEVERAL
-from pinotwin.diagnosis.days.row import Row
+from pinotwin.diagnosis.days.row import ALL, Row
 
 GROUP_NAMES = tuple(x for x in GROUPS if x != "describe")
 FEATURES: Mapping[str, int] = {
@@ -111,30 +111,51 @@ class Case:
         return X
 
     def _stays_open(self) -> float:
-        """Return what the best cause leaves of the equation that is least explained, 0 to 1."""
-        left = [0.0]
-        for key, x in self.open.items() if self.first else ():
-            axis, _, equation = key.rpartition(" ")
-            closed = [r.closed.get(equation, 0.0) for r in self.causes if r.axis in (axis, "*")]
-            left.append(min(x - 2.0, 1.0) * (1.0 - max([*closed, 0.0])) if x > 2.0 else 0.0)
+        """Return what the best cause of an equation leaves of it, of the one that is least explained, 0 to 1."""
+        each, left = [(r.score, self._left(r)) for r in self.causes], [0.0]
+        for key, off in self.open.items() if self.first else ():
+            _, stays = max([(score, x[key]) for score, x in each if key in x], default=(0.0, off))
+            left.append(min(off - 2.0, 1.0) * (stays - 1.0) / (off - 1.0) if off > 2.0 else 0.0)
         return float(np.clip(max(left), 0.0, 1.0))
+
+    def _left(self, r: Row) -> dict[str, float]:
+        """Return axis and equation -> how far what a cause closes stays off beside it, over a healthy misfit."""
+        out = {}
+        for key, off in self.open.items():
+            axis, _, equation = key.rpartition(" ")
+            if equation in r.closed and r.axis in (axis, ALL):
+                out[key] = max(off - r.closed[equation] * max(off - 1.0, 0.1), 1.0)
+        return out
+
+    def _others(self, r: Row) -> float:
+        """Return what the best other names of the equations in which a cause acts gain together [nats]."""
+        out = 0.0
+        for e in r.by.keys() - {"day"}:
+            best = dict[str, float]()
+            for x in self.causes:
+                if e in x.by and (x.axis, x.group) != (r.axis, r.group):
+                    best[x.axis] = max(best.get(x.axis, 0.0), min(x.by[e], x.score))
+            wide = best.pop(ALL, 0.0)
+            out += max(wide, sum(best.values()) if r.axis == ALL else best.get(r.axis, 0.0))
+        return out
 
     def _speaks(self, r: Row, top: float, null: Mapping[str, float]) -> list[float]:
         gain, day = max(sum(r.by.values()), 1e-9), r.by.get("day", 0.0)
-        rivals = [x.score for x in self.causes if x is not r and (x.axis, x.group) != (r.axis, r.group)]
         words = [x.score for x in self.described if x.axis == r.axis]
-        carried = [r.closed.get(e, 0.0) for e, x in r.by.items() if e != "day" and x > 0.1 * gain]
         searched, transform = r.group in ("time", "place"), r.group in ("recording", "limit")
         worst, best = min(r.logs), max(*r.logs, 1e-9)
         size = {"law": min(r.worth, abs(r.theta)), "play": abs(r.theta)}.get(r.group, r.worth)
+        main = max(r.closed, key=lambda e: r.by[e], default="")
+        left = {k: x for k, x in self._left(r).items() if k.endswith(f" {main}")}
+        off, stays = max([(max(self.open[k], 1.0), x) for k, x in left.items()], default=(1.0, 1.0))
         foretold = 0.0 if r.valid is None else float(np.clip(r.valid / max(gain, 5.0), -1.0, 1.0))
         loud = max(r.worth, 1e-3) / max(self.noise.get(r.axis, 1e-3), 1e-3)
         return [
             np.arcsinh(r.score / 5.0),
             -np.arcsinh((top - r.score) / 5.0),
-            np.arcsinh((r.score - max([*rivals, 0.0])) / 10.0),
+            np.arcsinh((r.score - self._others(r)) / 10.0),
             float(np.clip(np.arcsinh((r.score - max([*words, 0.0])) / 10.0), -4.0, 4.0)),
-            float(np.clip(max([*carried, 0.0]), -0.5, 1.2)),
+            float(np.clip(np.log(off / stays), -0.5, 6.0)),
             r.positive,
             np.log10(max(r.spread, 0.5)),
             float(np.clip(worst / best, -1.0, 1.0)) if len(r.logs) > 1 else 0.5,
@@ -145,15 +166,8 @@ class Case:
             float(np.log(r.count)),
             np.arcsinh((r.score - null.get(r.group, 10.0)) / 5.0),
             float(np.clip(np.log10(loud), -1.0, 1.0)) if searched else 0.0,
-            self._leaves(r),
+            float(np.log(min(max([1.0, *left.values()]), 1e2))),
         ]
-
-    def _leaves(self, r: Row) -> float:
-        """Return how far the equations in which a cause acts stay off beside it, in logarithms of a healthy misfit."""
-        left = [
-            o - x * max(o - 1.0, 0.1) for e, x in r.closed.items() if (o := self.open.get(f"{r.axis} {e}"))
-        ]
-        return float(np.log(np.clip(max([1.0, *left]), 1.0, 1e2)))
 
 
 def channel(r: Row) -> str:

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
 
 TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
+ANY = (-np.inf, np.inf)
+SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +33,13 @@ class Law:
     ki: float
 
     @classmethod
-    def fitted(cls, logs: Sequence[Columns]) -> Law:
-        """Return the law of healthy logs."""
-        X = np.concatenate([np.column_stack([c[k] for k in TERMS]) for c in logs])
-        own = np.concatenate([np.full(len(c["u"]), k) for k, c in enumerate(logs)])
-        X = np.column_stack([X, own[:, None] == np.arange(len(logs))])
-        scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
-        fit = np.linalg.lstsq(X / scale, np.concatenate([c["u"] for c in logs]), rcond=1e-12)[0] / scale
-        gains = fit[: len(TERMS)]
+    def fitted(cls, logs: Sequence[Columns], *, signed: bool = False) -> Law:
+        """Return the law of some logs; ``signed`` as a controller, where a copy of the plant may fit them as well."""
+        rows = [np.column_stack([*(c[k] for k in TERMS), c["u"]]) for c in logs]
+        Z = np.concatenate([x - x.mean(axis=0) for x in rows])
+        X, scale = Z[:, :-1], np.maximum(np.abs(Z[:, :-1]).max(axis=0), 1e-300)
+        low, high = np.transpose([SIGNS.get(k, ANY) if signed else ANY for k in TERMS])
+        gains = lsq_linear(X / scale, Z[:, -1], (low, high), method="bvls").x / scale
         return cls(gains, *_cascade(gains))
 
     @property

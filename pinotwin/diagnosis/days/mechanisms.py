@@ -172,7 +172,7 @@ def _effort_scaled(
         "torque_fades": {"plant": twin * ramp},
     }
     if (name, "law") in left:
-        out["effort_scale"]["law"] = c["u"] - 0.5 * (left[name, "plant"] + left[name, "law"])
+        out["effort_scale"]["law"] = c["u"] - left[name, "law"]
     else:
         del out["torque_constant"]  # nothing tells it from a reading
     return out

@@ -123,12 +123,12 @@ class Asked:
         axes = self.r.axes if cause in self.tried.wide else (axis,)
         keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
         use = [(self.cells[a][e], self.cells[a][e].at[cause]) for a, e in keys]
-        if not use or len(use[0][1]) != 1:
+        single = bool(use) and len(use[0][1]) == 1
+        one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False) if single else 0.0
+        if not one:
             return None
-        one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False)
-        return float(score(use, 1).error[0]), max(
-            SETTINGS.told.get(group_of(cause), 0.0), SETTINGS.share / one
-        )
+        told = SETTINGS.told.get(group_of(cause), 0.0)
+        return float(score(use, 1).error[0]), max(told, SETTINGS.share / one)
 
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
         """Return the equations that a cause, or what was found, acts on."""
@@ -180,14 +180,11 @@ class Asked:
     def _closed(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats]) -> dict[str, float]:
         """Return equation -> share of what is open that goes."""
         out: dict[str, Floats] = {}
-        nu = SETTINGS.freedom
         for key, g in zip(keys, gains, strict=True):
             c, held = self.cells[key[0]][key[1]], self.base[key].held[0]
-            before, after = (
-                float(np.sum(nu * np.expm1(-2.0 * (x - c.constant) / (nu + c.rows))))
-                for x in (held, held + g)
-            )
-            row = np.array([before - after, max(before - float(c.rows.sum()), 5.0)])
+            rows = max(float(c.rows.sum()), 1e-9)
+            before, after = (rows * opened(c, x) for x in (held, held + g))
+            row = np.array([before - after, max(before - rows, 5.0)])
             out[key[1]] = out.get(key[1], np.zeros(2)) + row
         return {e: float(a / b) for e, (a, b) in out.items()}
 

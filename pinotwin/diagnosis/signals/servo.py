@@ -6,20 +6,20 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.days.causes import Place, sizes
-from pinotwin.diagnosis.days.decision import Case, trained
+from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.evidence import cells
-from pinotwin.diagnosis.days.law import TERMS, Law
+from pinotwin.diagnosis.days.judge import case_of
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.limit import Drive, limit_row
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.rows import NONE
 from pinotwin.diagnosis.days.score import opened, score
 from pinotwin.diagnosis.days.settings import SETTINGS
-from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
+from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.result import Found
 from pinotwin.effects.scene import with_model_effort
@@ -38,20 +38,19 @@ def limits(c: Comparison, leave_out: Collection[str] = ()) -> list[Found]:
     for k, m in enumerate(c.motions[: len(c.logs)]):
         m = with_model_effort(m, c.twin.effects, c.twin.theta)
         logs += stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {})
-    found = [_limit(c, logs, k) for k in axes if logs and all("e" in s.axes[k] for s in logs)]
-    return [x for x in found if x is not None]
+    lawful = [k for k in axes if logs and all("e" in s.axes[k] for s in logs)]
+    return [x for k in lawful if (x := _limit(c, logs, k)) is not None]
 
 
 def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
     """Return the limit of one drive, with the probability of the decision; None where it has none."""
     columns = [s.axes[name] for s in logs]
-    law = _controller(columns)
+    law = Law.fitted(columns, signed=True)
     if not law.stable:
         return None
-    left = [x["u"] - law.effort(x) for x in columns]
-    left = [x - np.median(x) for x in left]
-    widths = {**SETTINGS.widths, "inertia": 0.0, "snap": 0.0}
-    widths["effort"] = rms(np.concatenate([x["u"] for x in columns]))
+    left = [y - np.median(y) for y in (x["u"] - law.effort(x) for x in columns)]
+    effort = rms(np.concatenate([x["u"] for x in columns]))
+    widths = {**SETTINGS.widths, "inertia": 0.0, "snap": 0.0, "effort": effort}
     r = Reference(c.twin, (name,), {}, tuple(logs), {name: law}, {}, days=1)
     r = replace(r, widths={name: widths}, law_widths={name: {}})
     cases = []
@@ -61,13 +60,10 @@ def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
         row = limit_row(each, before, r)
         if row is not None:
             open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).held[0])}
-            noise = {name: float(np.mean([x["raw"][0] for x in columns]))}
-            cases.append(Case.of([row], open_, noise, len(logs), first=True))
+            cases.append(case_of(r, [row], open_, len(logs), first=True))
     told = [(x.causes[0], x) for x in cases if x.causes]
-    if not told:
-        return None
-    row, case = max(told, key=lambda x: x[0].score)
-    if _never_beyond(c, name, row.theta):
+    row, case = max(told, key=lambda x: x[0].score, default=(None, None))
+    if row is None or case is None or _never_beyond(c, name, row.theta):
         return None
     shape, sure = {"limit": row.theta}, float(trained().probabilities(case)[-1])
     size = sizes(row, Place(r, name, logs))
@@ -94,13 +90,3 @@ def _never_beyond(c: Comparison, name: str, level: float) -> bool:
         return False
     u = c.own.motion.u[:, c.machine.names.index(name)]
     return float(np.nanmax(np.abs(u))) < level + 4.0 * roughness([u[np.isfinite(u)]])
-
-
-def _controller(logs: Sequence[Columns]) -> Law:
-    """Return the law of some logs with the signs of a controller: a copy of the plant has others."""
-    rows = [np.column_stack([*(c[k] for k in TERMS), c["u"]]) for c in logs]
-    Z = np.concatenate([x - x.mean(axis=0) for x in rows])
-    X, scale = Z[:, :-1], np.maximum(np.abs(Z[:, :-1]).max(axis=0), 1e-300)
-    low = [{"e": 0.0, "ie": 0.0, "a": -1e-9}.get(k, -np.inf) for k in TERMS]
-    high = [{"v": 0.0, "a": 1e-9}.get(k, np.inf) for k in TERMS]
-    return Law(lsq_linear(X / scale, Z[:, -1], (low, high), method="bvls").x / scale, False, 0.0, 0.0)
