@@ -1,6 +1,6 @@
 """Do 95 % intervals hold? A two-axis arm whose friction sticks, under coloured noise and behind encoder steps.
 
-    python -m benchmarks bound --logs 24 --seconds 14
+    python -m benchmarks bound --logs 24 --first 0 --seconds 14
 
 For each law of friction (none but Coulomb's, Dahl, LuGre, generalised Maxwell slip) and encoder step, the share of
 intervals that hold the truth, over all parameters and of the worst. The inertias, gravity and viscous friction are
@@ -145,6 +145,7 @@ def main() -> None:
     """Print the share of intervals that hold, by law and encoder."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--logs", type=int, default=24)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first log")
     parser.add_argument("--seconds", type=float, default=14.0)
     parser.add_argument("--laws", nargs="+", choices=LAWS, default=LAWS)
     parser.add_argument("--encoders", nargs="+", type=float, default=[1e-7, 2e-5], help="steps [rad]")
@@ -153,7 +154,7 @@ def main() -> None:
     for law in args.laws:
         for encoder in args.encoders:
             start, hits = time.process_time(), []
-            for seed in range(args.logs):
+            for seed in range(args.first, args.first + args.logs):
                 taken = log(seed, law, args.seconds, encoder)
                 hits.append(holds(machine, pt.identify(machine, taken, loop=False, consistent=False)))
             share = {name: np.mean([h[name] for h in hits if name in h]) for name in hits[0]}

@@ -140,8 +140,8 @@ def test_decimated_time_is_the_same_time():
     assert_allclose(one.covariance, two.covariance, rtol=1e-12)
 
 
-def test_covariance_is_that_of_fits_without_each_second():
-    """Two axes, two stretches, a hole: fits to the rows of all other seconds, one after the other."""
+def test_covariance_is_that_of_each_second_freed_of_what_the_fit_took():
+    """Two axes, two stretches, a hole: (I - H_g)^-1/2 e_g of every second; of white noise F F' in the mean."""
     rng = np.random.default_rng(7)
     n, theta = 400, [1.0, 2.0, 3.0]
     W, time = rng.standard_normal((2, n, 3)), np.arange(n)
@@ -154,16 +154,19 @@ def test_covariance_is_that_of_fits_without_each_second():
     problem = replace(stack(parts, "abc"), second=20.0)
     fit = linear(problem, Options(sigma=np.array([1.0, 3.0])))
     level = np.where(problem.axis == 0, 1.0, 3.0)
-    each, w = [], []
+    A = problem.W.toarray() / level[:, None]
+    e, inverse = fit.residual / level, np.linalg.inv(A.T @ A)
+    left, steps, share, white = np.eye(len(A)) - A @ inverse @ A.T, [], [], 0.0
     for k in np.unique(problem.time // 20):
         own = problem.time // 20 == k
-        A, b = (problem.W.toarray() / level[:, None])[~own], (problem.y / level)[~own]
-        each.append(np.linalg.lstsq(A, b, rcond=None)[0])
-        w.append((problem.W.toarray() / level[:, None])[own])
-    d = np.array(each) - fit.theta
-    assert_allclose(fit.covariance, d.T @ d * (1.0 - 1.0 / len(d)), rtol=1e-9)
-    inverse = np.linalg.inv(sum(x.T @ x for x in w))
-    share = np.array([np.diag(inverse @ x.T @ x @ inverse) for x in w])
+        power, U = np.linalg.eigh(left[np.ix_(own, own)])
+        step = inverse @ A[own].T @ (U / np.sqrt(power)) @ U.T
+        steps.append(step @ e[own])
+        share.append(np.diag(inverse @ A[own].T @ A[own] @ inverse))
+        white += step @ left[np.ix_(own, own)] @ step.T
+    assert_allclose(fit.covariance, np.array(steps).T @ steps, rtol=1e-9)
+    assert_allclose(white, inverse, rtol=1e-9, atol=1e-15)
+    share = np.array(share)
     assert_allclose(fit.dof, share.sum(axis=0) ** 2 / (share**2).sum(axis=0) - 1.0, rtol=1e-9)
 
 
@@ -181,6 +184,8 @@ def test_what_rows_behind_a_turn_do_is_in_the_error():
     assert_allclose(two.theta, one.theta)
     assert_allclose(two.covariance - one.covariance, np.outer(step, step) / 3.0, rtol=1e-6, atol=1e-12)
     assert two.standard_errors[0] > abs(step[0]) / 2.0
+    share = np.diag(one.covariance) / np.diag(two.covariance)
+    assert_allclose(two.dof * share**2, one.dof, rtol=1e-6)
 
 
 def test_what_few_seconds_tell_has_few_degrees_of_freedom():

@@ -127,7 +127,7 @@ def _thinned(motion: Motion, values: Floats) -> Floats:
     return np.stack([thin(motion, values[:, k]) for k in range(values.shape[1])], axis=1)
 
 
-def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.1) -> Mask:
+def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.06) -> Mask:
     """Return the ``share`` of the rows in motion that are nearest behind a turn of an axis, by its travel, shape (n,).
 
     There no law of dry friction is true; none without such friction, or with a table, whose ends they alone tell.

@@ -59,7 +59,9 @@ def widths(logs: Sequence[tuple[Floats, Floats]], prior: float, count: float) ->
     for _ in range(200):
         C = np.linalg.inv(N + np.diag(1.0 / s2))
         seen = few * np.einsum("kij,kj->ki", C, g) ** 2 + np.diagonal(C, axis1=1, axis2=2)
-        s2 = (count * prior**2 + seen.sum(axis=0)) / (count + len(logs))
+        before, s2 = s2, (count * prior**2 + seen.sum(axis=0)) / (count + len(logs))
+        if (np.abs(s2 - before) <= 1e-13 * s2).all():
+            break
     return np.sqrt(s2)
 
 

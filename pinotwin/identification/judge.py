@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -22,6 +22,7 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.crossval import HeldOut, fold_order, held_out
 from pinotwin.solve.problem import Problem
+from pinotwin.solve.result import LinearFit
 from pinotwin.twin import OpenLoop
 
 
@@ -43,17 +44,18 @@ class CrossValidated:
         machine: Machine,
         effects: Sequence[Effect],
         motion: Motion,
-        known: tuple[Rows, Problem] | None = None,
+        known: tuple[Rows, LinearFit] | None = None,
         folds: int = USUAL.folds,
         log: Ints | None = None,
     ) -> Self:
-        """Cross-validate the problem of some effects, assembled already or of a motion's rows (n,)."""
+        """Cross-validate the problem of some effects, fitted already or of a motion's rows (n,)."""
         rows = known[0] if known else choose_rows(motion)
-        problem = known[1] if known else assemble(motion, effects, rows)
+        problem = known[1].problem if known else assemble(motion, effects, rows)
+        options = replace(fit_options(machine, effects, motion), start=known[1].sigma if known else None)
         log = np.zeros(len(motion), dtype=np.intp) if log is None else log
         edges = log_edges(problem, log[rows.sample[problem.time]])
         try:
-            held = held_out(problem, folds, options=fit_options(machine, effects, motion), edges=edges)
+            held = held_out(problem, folds, options=options, edges=edges)
         except DataError:
             held = None
         folds = folds if held is None else len(held.theta)

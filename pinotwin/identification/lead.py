@@ -62,15 +62,16 @@ def find_leads(
         columns, motors = _columns(machine, plant, rows)
         turns, _ = _columns(machine, plant, rows, dry=True)
         problem = plant.fit.problem.rows(np.concatenate([usable[kept, joint] for joint, kept in fitted]))
-        options = fit_options(machine, plant.effects, motion)
+        start = plant.fit.sigma[np.isin(list(plant.fit.problem.slices), list(problem.slices))]
+        options = replace(fit_options(machine, plant.effects, motion), start=start)
         problem, options = _beside(problem, options, turns[mask])
-        before = linear(problem, replace(options, inference="none")).residual
-        p = problem.parameters
+        fit = linear(problem, replace(options, inference="none", sigma=start))
+        before, p = fit.residual, problem.parameters
         wide, options = _beside(problem, options, columns[mask])
         found = np.zeros(len(motors))
         for inference in ("none", "none", options.inference):
-            y = _efforts(machine, motion, rows, motors, found)[mask]
-            fit = linear(replace(wide, y=y), replace(options, inference=inference))
+            y = _efforts(machine, motion, rows, motors, found)[mask] if found.any() else wide.y
+            fit = linear(replace(wide, y=y), replace(options, inference=inference, start=fit.sigma))
             found = np.clip(found + fit.theta[p:], -2.0 * longest, 2.0 * longest)
     except DataError:  # too few such rows
         return {}

@@ -122,8 +122,7 @@ def _with_bodies(
     machine: Machine, fit: Plant, consistent: bool, log: Ints, settings: Settings
 ) -> tuple[Plant, CrossValidated, dict[str, Any] | None]:
     """Return the plant with bodies near the URDF's if asked for, its rows part by part, and the price of bodies."""
-    known = (fit.rows, fit.fit.problem)
-    validated = CrossValidated.of(machine, fit.effects, fit.motion, known, settings.folds, log)
+    validated = CrossValidated.of(machine, fit.effects, fit.motion, (fit.rows, fit.fit), settings.folds, log)
     if not consistent or machine.passive:  # a passive joint's own row completes its bodies, see find_springs
         return fit, validated, None
     return near_urdf(machine, fit, validated, settings)

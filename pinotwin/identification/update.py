@@ -140,8 +140,8 @@ class _Solved:
         levels = dict(zip(fit.problem.slices, fit.sigma, strict=True))
         sigma = np.array([levels.get(j, rms(error[part])) for j, part in problem.slices.items()])
         N = fit.factor.T @ fit.factor
-        found = spread(problem, sigma, error, self.root)
-        return N @ found.covariance @ N, found.dof
+        covariance, dof = spread(problem, sigma, error, self.root)
+        return N @ covariance @ N, dof
 
 
 def _added(

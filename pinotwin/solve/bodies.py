@@ -151,9 +151,11 @@ class _Problem:
         k, bodies, rotors = len(self.free), slice(10 * len(self.seen)), slice(10 * len(self.seen), None)
         R, z = self.R[k:-1, k:-1], self.R[k:-1, -1]
         x = (self.bodies.pi0 if start is None else start.pi)[self.at]
+        lower = self._value(x)
         for turn in count():
             if turn == patience:  # the cone's edge shortens every step
                 x = self._heavier().solved(start).pi[self.at]
+                lower = self._value(x)
             barrier, level = self._barrier(x)
             F = np.concatenate([R, barrier])
             whole = r_factor(np.column_stack([F, np.append(z, level + barrier @ x)]))
@@ -162,9 +164,9 @@ class _Problem:
                 new[rotors] = scipy.optimize.nnls(T[rotors, rotors], t[rotors])[0]
             known = t[bodies] - T[bodies, rotors] @ new[rotors]
             new[bodies] = scipy.linalg.solve_triangular(T[bodies, bodies], known)
-            gain, value, step = float((t - T @ x) @ T @ (new - x)), self._value(x), 1.0
+            gain, value, step = float((t - T @ x) @ T @ (new - x)), lower, 1.0
             while gain > SETTLED and step > SHORT:
-                if self._value(x + step * (new - x)) < value - 1e-4 * step * gain:
+                if (lower := self._value(x + step * (new - x))) < value - 1e-4 * step * gain:
                     break
                 step /= 2.0
             x = x + step * (new - x)
@@ -184,7 +186,7 @@ class _Problem:
         J = pseudo_inertia(x[: 10 * count].reshape(-1, 10))
         bodies = np.sqrt(self.weight) * _congruent(np.linalg.inv(np.linalg.cholesky(J)))
         level = np.sqrt(self.weight) * np.tile(TWICE * (TRIANGLE[0] == TRIANGLE[1]), count)
-        return np.pad(_diagonal(bodies), ((0, 0), (0, len(x) - 10 * count))), level
+        return np.hstack([_diagonal(bodies), np.zeros((len(level), len(x) - 10 * count))]), level
 
     def _value(self, x: Floats) -> float:
         """Return the objective, infinite outside the cone."""
@@ -218,5 +220,5 @@ def _diagonal(blocks: Floats) -> Floats:
 
 def _congruent(C: Floats) -> Floats:
     """Return the map from ten parameters to the upper triangle of C J C', off-diagonals times sqrt(2), (n, 10, 10)."""
-    J = np.einsum("nij,kjl,nml->nimk", C, BASIS, C)
-    return np.asarray(J[:, TRIANGLE[0], TRIANGLE[1]] * TWICE[:, None])
+    J = C[:, None] @ BASIS @ C.swapaxes(1, 2)[:, None]
+    return np.asarray(J[:, :, TRIANGLE[0], TRIANGLE[1]] * TWICE).swapaxes(1, 2)

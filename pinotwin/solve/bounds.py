@@ -48,13 +48,13 @@ def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
 def active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     """Return the bounded solution; none of the columns is fixed.
 
-    A column that the data leave open and whose prior is its bound ends a rounding beyond it: scipy's BVLS then divides
-    by zero. Lawson and Hanson's active set, for bounds from below, does not.
+    Bounds from below alone are Lawson and Hanson's, in a tenth of the time. A column that the data leave open and whose
+    prior is its bound ends a rounding beyond it: scipy's BVLS then divides by zero.
     """
     try:
-        with np.errstate(divide="raise", invalid="raise"):
-            return scipy.optimize.lsq_linear(A, b, (low, high), method="bvls", tol=1e-14).x
-    except FloatingPointError:
         if np.isfinite(low).all() and np.isinf(high).all():
             return low + scipy.optimize.nnls(A, b - A @ low)[0]
+        with np.errstate(divide="raise", invalid="raise"):
+            return scipy.optimize.lsq_linear(A, b, (low, high), method="bvls", tol=1e-14).x
+    except (FloatingPointError, RuntimeError):  # divided by zero, too many steps
         return scipy.optimize.lsq_linear(A, b, (low, high), method="trf", tol=1e-14).x

@@ -34,16 +34,15 @@ def solved(N: Floats, g: Floats, ridge: float, scale: Floats | None = None) -> F
     return np.asarray(np.linalg.solve(scaled, (g / scale)[:, :, None])[:, :, 0] / scale)
 
 
-def moved(V: Floats, e: Floats, least: float = 0.5) -> Floats:
-    """Return (I - V'V)^-1 V'e, (p,): how far a fit of orthonormal columns moves without the rows V (n, p), e (n,).
+def moved(V: Floats, e: Floats, least: float = 0.5, power: float = 1.0) -> Floats:
+    """Return (I - V'V)^-power V'e, (p,): how far a fit of orthonormal columns moves without the rows V (n, p), e (n,).
 
     Of no direction they count for more than all but the share ``least``: the other rows know too little of it.
     """
-    if len(V) > V.shape[1]:
-        leverage, U = np.linalg.eigh(V.T @ V)
-        return np.asarray(U @ (U.T @ (V.T @ e) / np.maximum(1.0 - leverage, least)))
-    leverage, U = np.linalg.eigh(V @ V.T)
-    return np.asarray(V.T @ (U @ (U.T @ e / np.maximum(1.0 - leverage, least))))
+    few = len(V) <= V.shape[1]
+    leverage, U = np.linalg.eigh(V @ V.T if few else V.T @ V)
+    e = U @ (U.T @ (e if few else V.T @ e) / np.maximum(1.0 - leverage, least) ** power)
+    return np.asarray(V.T @ e if few else e)
 
 
 def jackknife(each: Floats) -> Floats:

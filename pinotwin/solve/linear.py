@@ -47,6 +47,7 @@ class Options:
     lower: Floats | None = None  # bounds on theta, shape (p,); None for none
     upper: Floats | None = None  # bounds on theta, shape (p,); None for none
     sigma: Floats | None = None  # known noise level per axis; None to find it
+    start: Floats | None = None  # noise level per axis from which it is found; None for the effort's size
     tolerance: float = 1e-9  # smallest relative pivot of the scaled columns that counts as seen
     inference: Inference = "blocks"  # see :mod:`pinotwin.solve.covariance`
 
@@ -133,14 +134,14 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
             "fit by: record more motion, or relax the data selection"
         )
     error = problem.y - problem.W @ found.theta
-    spreading = spread(problem, found.sigma, error, found.rank.root, options.inference)
+    covariance, dof = spread(problem, found.sigma, error, found.rank.root, options.inference)
     believed = spread_of_belief(found.rank.root, options)
     p = problem.parameters
     return LinearFit(
         problem=problem,
         theta=found.theta,
-        covariance=spreading.covariance + believed,
-        dof=spreading.dof,
+        covariance=covariance + believed,
+        dof=dof,
         sigma=found.sigma,
         rank=seen.rank,
         condition=seen.condition,
@@ -158,7 +159,8 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
 def solve(reduced: Reduced, options: Options | None = None) -> Solution:
     """Return theta and the noise levels of a reduced problem; inference is not made."""
     options = options or Options()
-    sigma = _first_levels(reduced) if options.sigma is None else np.asarray(options.sigma, float)
+    given = options.start if options.sigma is None else options.sigma
+    sigma = _first_levels(reduced) if given is None else np.asarray(given, float)
     told, steps = list[Floats](), list[Floats]()
     for _ in range(50):
         found = _weighted(reduced, sigma, options)

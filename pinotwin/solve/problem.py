@@ -72,11 +72,16 @@ class Problem:
         """Return the columns, (k,), that are not empty in some rows, and dense [W y] there, or ``right`` for y."""
         y, first = (self.y if right is None else right)[rows], self.W.indptr[:-1][rows]
         count = self.W.indptr[1:][rows] - first
-        at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+        at: slice | Ints
+        if isinstance(rows, slice):
+            at = slice(*self.W.indptr[[rows.start, rows.stop]])
+        else:
+            at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
         columns, seen = self.W.indices[at], np.zeros(self.parameters, dtype=bool)
         seen[columns] = True
         out = np.zeros((len(y), np.count_nonzero(seen) + 1))
-        out[np.repeat(np.arange(len(y)), count), (np.cumsum(seen) - 1)[columns]] = self.W.data[at]
+        starts = np.repeat(np.arange(0, out.size, out.shape[1]), count)
+        out.reshape(-1)[starts + (np.cumsum(seen) - 1)[columns]] = self.W.data[at]
         out[:, -1] = y
         return np.flatnonzero(seen), out
 

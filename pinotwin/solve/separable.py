@@ -179,14 +179,10 @@ class _Search:
         root = rank.root
         if options.belief is not None:
             root = analyse(np.concatenate([R, options.belief]), self.options.tolerance).root
-        found = spread(joint, fit.sigma, fit.residual, root, self.options.inference)
-        covariance = found.covariance + spread_of_belief(root, options)
-        fit = replace(
-            fit,
-            covariance=covariance[:p, :p],
-            dof=found.dof[:p],
-            determined=fit.determined & rank.determined[:p],
-        )
+        covariance, dof = spread(joint, fit.sigma, fit.residual, root, self.options.inference)
+        covariance += spread_of_belief(root, options)
+        determined = fit.determined & rank.determined[:p]
+        fit = replace(fit, covariance=covariance[:p, :p], dof=dof[:p], determined=determined)
         error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)[p:]
         return SeparableFit(fit, tuple(self.shapes(iter(error.tolist()))))
 
