@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 56_629,
+    lines: 56_628,
     module_numbers: 114,
     numbers_without_unit: 308,
     stories: 6,
