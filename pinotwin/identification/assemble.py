@@ -130,7 +130,8 @@ def _thinned(motion: Motion, values: Floats) -> Floats:
 def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.06) -> Mask:
     """Return the ``share`` of the rows in motion that are nearest behind a turn of an axis, by its travel, shape (n,).
 
-    There no law of dry friction is true; none without such friction, or with a table, whose ends they alone tell.
+    There no law of dry friction is true; none without such friction, or with a table, whose ends they alone tell. With
+    the usual share 95 % intervals hold 93 to 98 % under four laws of friction (``python -m benchmarks bound``).
     """
     moving, q = motion.moving(joint), motion.q[:, joint]
     own = [e for e in effects if e.axis == motion.names[joint]]

@@ -27,7 +27,7 @@ from pinotwin.solve.problem import Problem
 from pinotwin.solve.rank import r_factor
 
 Inference = Literal["blocks", "ols", "none"]
-"""By blocks left out; as of independent residuals, wrong for filtered data; or nan, where the estimate is all."""
+"""By seconds, as above; as of independent residuals, wrong for filtered data; or nan, where the estimate is all."""
 
 
 def spread(

@@ -12,8 +12,8 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
 
 TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
-ANY = (-np.inf, np.inf)
 SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
+"""Gains that a controller can have, any where none are listed; a copy of the plant has others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class Law:
 
     @classmethod
     def fitted(cls, logs: Sequence[Columns], *, signed: bool = False) -> Law:
-        """Return the law of some logs; ``signed`` as a controller, where a copy of the plant may fit them as well."""
+        """Return the law of some logs; ``signed``: with the signs of a controller, where the plant fits as well."""
         rows = [np.column_stack([*(c[k] for k in TERMS), c["u"]]) for c in logs]
         Z = np.concatenate([x - x.mean(axis=0) for x in rows])
         X, scale = Z[:, :-1], np.maximum(np.abs(Z[:, :-1]).max(axis=0), 1e-300)
-        low, high = np.transpose([SIGNS.get(k, ANY) if signed else ANY for k in TERMS])
+        low, high = np.transpose([(SIGNS if signed else {}).get(k, (-np.inf, np.inf)) for k in TERMS])
         gains = lsq_linear(X / scale, Z[:, -1], (low, high), method="bvls").x / scale
         return cls(gains, *_cascade(gains))
 

@@ -123,12 +123,11 @@ class Asked:
         axes = self.r.axes if cause in self.tried.wide else (axis,)
         keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
         use = [(self.cells[a][e], self.cells[a][e].at[cause]) for a, e in keys]
-        single = bool(use) and len(use[0][1]) == 1
-        one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False) if single else 0.0
-        if not one:
+        if not use or len(use[0][1]) != 1:
             return None
-        told = SETTINGS.told.get(group_of(cause), 0.0)
-        return float(score(use, 1).error[0]), max(told, SETTINGS.share / one)
+        one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False)
+        told = max(SETTINGS.told.get(group_of(cause), 0.0), SETTINGS.share / max(one, 1e-300))
+        return (float(score(use, 1).error[0]), told) if one else None  # a part that the twin has not
 
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
         """Return the equations that a cause, or what was found, acts on."""

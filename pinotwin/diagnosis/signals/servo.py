@@ -61,10 +61,10 @@ def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
         if row is not None:
             open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).held[0])}
             cases.append(case_of(r, [row], open_, len(logs), first=True))
-    told = [(x.causes[0], x) for x in cases if x.causes]
-    row, case = max(told, key=lambda x: x[0].score, default=(None, None))
-    if row is None or case is None or _never_beyond(c, name, row.theta):
+    case = max((x for x in cases if x.causes), key=lambda x: x.causes[0].score, default=None)
+    if case is None or _never_beyond(c, name, case.causes[0].theta):
         return None
+    row = case.causes[0]
     shape, sure = {"limit": row.theta}, float(trained().probabilities(case)[-1])
     size = sizes(row, Place(r, name, logs))
     return Found("saturation", name, sure, shape, shape, {}, [], size=size, gain=row.score)
