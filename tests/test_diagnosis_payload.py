@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -101,6 +103,14 @@ def test_apply_writes_it_into_the_link(found, twin, tmp_path):
     assert np.linalg.eigvalsh(pseudo_inertia(after.toDynamicParameters()))[0] > -1e-9
     others = [k for k in range(1, again.model.njoints) if k != joint]
     assert all(again.model.inertias[k].isApprox(twin.model.inertias[k], 1e-6) for k in others)
+
+
+def test_an_inertia_that_one_axis_shows_is_no_body_to_write(found):
+    """It was a KeyError when the diagnosis was saved."""
+    one = replace(found.effects[0], theta={"inertia": 0.1})
+    nothing = replace(found, effects=[])
+    same = (x.repaired().model.inertias for x in (replace(found, effects=[one]), nothing))
+    assert all(a == b for a, b in zip(*same, strict=True))
 
 
 def test_a_twin_with_it_says_the_effort_of_the_loaded_robot(found, twin, robot, logs):

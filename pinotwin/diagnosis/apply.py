@@ -19,14 +19,14 @@ SAME = 0.03  # Share by which two pitches may differ and be one ripple whose siz
 def repaired(diagnosis: Diagnosis) -> Machine:
     """Return the machine with the named causes added; DataError where the diagnosis does not know its machine.
 
-    A payload goes into the inertia of its link: of a twin, beside the inertias that were identified.
+    A payload whose body is told goes into the inertia of its link: of a twin, beside the inertias identified.
     """
     machine = extended(diagnosis)
-    bodies = [e for e in diagnosis.effects if e.effect == "payload" and e.axis in machine.axes]
+    told = [e for e in diagnosis.effects if e.effect == "payload" and "m" in e.theta]
+    bodies = [e for e in told if e.axis in machine.axes]
     if not bodies:
         return machine
-    subject = diagnosis.subject
-    model = subject.model if isinstance(subject, Twin) else machine.model
+    model = diagnosis.subject.model if isinstance(diagnosis.subject, Twin) else machine.model
     for found in bodies:
         model = loaded(model, machine.axis(str(found.axis)).joint, found_body(found.theta))
     return with_bodies(machine, model)
