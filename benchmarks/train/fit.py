@@ -22,7 +22,7 @@ from pinotwin.diagnosis.days.judge import family
 from pinotwin.diagnosis.days.row import Row
 
 RATES = (0.02, 0.05, 0.10)
-RIDGE, OUTSIDE, FORMED, FEW = 15.0, 0.15, 0.1, 3.0
+RIDGE, OUTSIDE, FORMED, FEW = 15.0, 0.3, 0.1, 3.0
 """Ridge of the weights; what a question counts whose cause was taken away, or whose effort was put in by a formula; and
 the score [nats] below which saying nothing is right as well."""
 

@@ -37,7 +37,8 @@ class Law:
         """Return the law of some logs; ``signed``: with the signs of a controller, where the plant fits as well."""
         rows = [np.column_stack([*(c[k] for k in TERMS), c["u"]]) for c in logs]
         Z = np.concatenate([x - x.mean(axis=0) for x in rows])
-        X, scale = Z[:, :-1], np.maximum(np.abs(Z[:, :-1]).max(axis=0), 1e-300)
+        X, scale = Z[:, :-1], np.abs(Z[:, :-1]).max(axis=0)
+        scale[scale < np.finfo(float).eps] = np.inf  # of what stands still no gain is known
         low, high = np.transpose([(SIGNS if signed else {}).get(k, (-np.inf, np.inf)) for k in TERMS])
         gains = lsq_linear(X / scale, Z[:, -1], (low, high), method="bvls").x / scale
         return cls(gains, *_cascade(gains))

@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
-from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.diagnosis.days.whitening import Whitening, settled
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.identification.misfit import own_residual
 from pinotwin.signals import rms
@@ -96,10 +96,20 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {})
     if known_days < SEVERAL:  # the prior stands for the scatter between days
         logs = [part for s in logs for part in s.thirds()]
+    # What an axis does on one log alone can be held against no other.
+    axes = tuple(k for k in axes if len(moved([s.axes[k] for s in logs])) > 1)
+    if not axes:
+        return None
+    bare = replace(bare, axes=axes)
     others = {day: _fitted(bare, [s for s in logs if s.log != day]) for day in {s.log for s in logs}}
     unseen = [(s, others[s.log].residuals(s)) for s in logs]
     known = _measured(_fitted(bare, logs), unseen, known_days * (known_days >= SEVERAL))
     return replace(known, days=known_days)
+
+
+def moved(columns: Sequence[Columns]) -> list[Columns]:
+    """Return the logs in which an axis moves long enough to be judged."""
+    return [c for c in columns if settled(c["moving"]).any()]
 
 
 def _between(c: Columns) -> Floats:
@@ -137,14 +147,17 @@ def _measured(
         place, shared = tables[name]
         common = [np.interp(c["q"], place, shared) * c["moving"] for c in columns]
         left = [x - y for x, y in zip(left, common, strict=True)]
-        whitenings[name, "plant"] = Whitening.measured(left, [c["moving"] for c in columns])
+        w = Whitening.measured(left, [c["moving"] for c in columns])
+        rows = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
+        left_over = max(rows - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
+        whitenings[name, "plant"] = replace(w, sigma=w.sigma * float(np.sqrt(max(rows / left_over, 1.0))))
         for equation in EQUATIONS[1:]:
             if (name, equation) in unseen[0][1]:
                 rest = [x[name, equation] for _, x in unseen]
                 whitenings[name, equation] = Whitening.measured(rest, [c["one"] for c in columns])
         if name in laws:
             effort = float(np.std(np.concatenate([c["u"] for c in columns])))
-            if not laws[name].stable or whitenings[name, "law"].sigma > 0.1 * effort:
+            if not (laws[name].stable and whitenings[name, "law"].sigma <= 0.1 * effort):
                 del laws[name]  # it copies the plant, or foretells no log
             else:
                 law_widths[name] = _law_widths(laws[name], columns, [x[name, "law"] for _, x in unseen])
@@ -212,7 +225,9 @@ def shared_shape(
         mean[i] = np.where(n > 0, np.bincount(at, r[rows], count) / np.maximum(n, 1), np.nan)
     n = np.isfinite(mean).sum(axis=0)
     level = np.nansum(mean, axis=0) / np.maximum(n, 1)
-    noise = float(np.nansum((mean - level) ** 2)) / max(int(n.sum()) - count, 1)
-    signal = max(float(np.mean(level**2)) - noise / max(float(n.mean()), 1.0), 0.0)
-    shrunk = level * signal / (signal + noise / np.maximum(n, 0.5) + 1e-300)
+    many = n > 1  # where one log was alone nothing is shared
+    noise = float(np.nansum((mean - level) ** 2)) / max(int((n - 1)[many].sum()), 1)
+    power, logs = (float(np.sum(x[many])) / max(int(many.sum()), 1) for x in (level**2, n))
+    signal = max(power - noise / max(logs, 1.0), 0.0)
+    shrunk = level * many * signal / (signal + noise / np.maximum(n, 0.5) + 1e-300)
     return 0.5 * (edges[1:] + edges[:-1]), shrunk
