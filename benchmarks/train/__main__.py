@@ -1,5 +1,6 @@
 """``python -m benchmarks train rows CASES OUT``, then ``python -m benchmarks train fit OUT --out WEIGHTS.json``.
 
+``rows CASES OUT --short`` asks twins of one short log, mostly of healthy motions.
 ``python -m benchmarks train limits CASES`` asks whether the least changes that are stated are found.
 """
 

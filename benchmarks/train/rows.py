@@ -8,25 +8,32 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.days.causes import EFFECT
 from pinotwin.diagnosis.days.judge import evidence
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.effects.scene import with_model_effort
+from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.motion import Motion
+from pinotwin.virtual import VirtualMachine, random_trajectory
 
-MOST = 45
+MOST, SHORT = 45, 7.0
+HEALTHY: Mapping[str, Any] = {"causes": [], "kind": "none"}
 NAMES = {**EFFECT, "friction_at_start": "brake", "inertia": "inertial_coupling"}
 """Row -> name that the answers of cases use; others keep theirs."""
 STRICT = {
@@ -125,11 +132,12 @@ def formed(logs: Sequence[Stretch], kind: str, axis: str, rng: np.random.Generat
     return out
 
 
-def stretches_of(r: Reference, logs: Sequence[Log]) -> list[Stretch]:
+def stretches_of(r: Reference, logs: Sequence[Log | Motion]) -> list[Stretch]:
     """Return the stretches of some logs beside healthy days."""
     out = []
     for k, log in enumerate(logs):
-        m = with_model_effort(r.twin.motion(log), r.twin.effects, r.twin.theta)
+        m = r.twin.motion(log) if isinstance(log, Log) else log
+        m = with_model_effort(m, r.twin.effects, r.twin.theta)
         left: Floats = m.u - r.twin.effort(m)
         out += stretches(r.twin, m, left, k, r.axes, r.top)
     return out
@@ -202,14 +210,86 @@ def lines(base: Path, *, single: bool = False) -> list[dict[str, Any]]:
     return out
 
 
+def cut(log: Log, start: float, seconds: float = SHORT) -> Log:
+    """Return so many seconds [s] of a log from a time after its first row [s]."""
+    t = np.array(log["t"])
+    keep = (t >= t[0] + start) & (t < t[0] + start + seconds)
+    return Log({k: np.array(log[k])[keep] for k in log.channels}, source=log.source)
+
+
+def short(twin: pt.Twin, asked: Iterator[tuple[str, Mapping[str, Any], Log]]) -> list[dict[str, Any]]:
+    """Return the questions to a twin of one short log, asked as a diagnosis does: where the twin knows itself."""
+    out, known = [], dict[tuple[str, ...], Reference | None]()
+    for case, answer, log in asked:
+        what = {"machine": twin.machine.name, "case": case, "kind": answer["kind"]}
+        try:
+            c = compare(twin, [log], [])
+            axes = tuple(twin.machine.names[j] for j in c.new.joints)
+            if axes not in known:
+                known[axes] = reference(twin, axes)
+            r, causes = known[axes], answer["causes"]
+            if r is None or not r.laws:
+                continue  # nothing is said of it
+            q = Question.of(r, stretches_of(r, c.motions))
+            if q.logs and all("e" in s.axes[k] for s in q.logs for k in r.laws):
+                out.append(_line(q, lambda row, causes=causes: right(causes, row), **what))
+        except (PinotwinError, np.linalg.LinAlgError) as error:
+            print(*what.values(), error, file=sys.stderr)
+    return out
+
+
+def of_days(base: Path, faults: int = 6) -> list[dict[str, Any]]:
+    """Return the questions of healthy days, whole and in parts, and of some changes to a twin of one short log."""
+
+    def asked() -> Iterator[tuple[str, Mapping[str, Any], Log]]:
+        for case, run in [("none", "train"), ("none_2", "train"), ("none_2", "valid"), ("none_3", "valid")]:
+            if (base / case).exists():
+                yield f"{case}_{run}", HEALTHY, pt.read(base / case / f"{run}.csv")
+        for k, start in ((2, 0.0), (3, 4.0), (4, SHORT)):
+            yield f"healthy_{k}", HEALTHY, cut(pt.read(base / f"healthy_{k}.csv"), start)
+        every = [p for p in base.iterdir() if (p / "answer.json").exists() and "+" not in p.name]
+        plain = [p for p in every if not p.name.startswith(("none", "command_jitter", "held_rows"))]
+        for d in sorted(plain, key=lambda p: crc32((base.name + p.name).encode()))[:faults]:
+            yield (
+                d.name,
+                json.loads((d / "answer.json").read_text(encoding="utf-8")),
+                pt.read(d / "train.csv"),
+            )
+
+    log = cut(pt.read(base / "healthy_1.csv"), 0.0)
+    return short(pt.identify(pt.Machine.load(base / "machine"), log), asked())
+
+
+def of_motions(name: str, seeds: range = range(100, 140, 5)) -> list[dict[str, Any]]:
+    """Return the questions of healthy motions of a machine of the package to twins of one short log each."""
+    virtual = VirtualMachine.load(pt.machines()[name])
+
+    def moved(seed: int) -> Log:
+        return virtual.record(random_trajectory(virtual, SHORT - 1.0, seed), seed=seed).to_log()
+
+    out = []
+    for seed in seeds:
+        twin = pt.identify(pt.Machine.load(name), moved(seed), loop=False)
+        out += short(twin, (("none", HEALTHY, moved(k)) for k in range(seed + 1, seed + 5)))
+    return out
+
+
 def main(words: Sequence[str]) -> None:
-    """Write ``MACHINE.jsonl`` into OUT for every machine folder of CASES; old ones are kept. ``--single``: one run."""
+    """Write ``MACHINE.jsonl`` into OUT for every machine folder of CASES; old ones are kept. ``--single``: one run.
+
+    ``--short``: of twins of one short log, of these machines and of those of the package.
+    """
     cases, out = map(Path, words[:2])
-    single = "--single" in words
+    bases = sorted(p for p in cases.iterdir() if (p / "twin" / "twin.json").exists())
+    wanted = {p.name: partial(lines, p, single="--single" in words) for p in bases}
+    if "--short" in words:
+        wanted = {p.name: partial(of_days, p) for p in bases} | {
+            k: partial(of_motions, k) for k in pt.machines()
+        }
     out.mkdir(parents=True, exist_ok=True)
-    for base in sorted(p for p in cases.iterdir() if (p / "twin" / "twin.json").exists()):
-        path = out / f"{base.name}.jsonl"
+    for name, made in wanted.items():
+        path = out / f"{name}.jsonl"
         if not path.exists():
-            text = "".join(json.dumps(x, default=float) + "\n" for x in lines(base, single=single))
+            text = "".join(json.dumps(x, default=float) + "\n" for x in made())
             path.write_text(text, encoding="utf-8")
-            print(base.name, flush=True, file=sys.stderr)
+            print(name, flush=True, file=sys.stderr)
