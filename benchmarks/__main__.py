@@ -5,7 +5,6 @@ python -m benchmarks loop kr300           # these
 python -m benchmarks imu_chain --runs 4   # one, with its own options
 python -m benchmarks evidence PART        # measure figures of README and docs again
 python -m benchmarks gate                 # questions that the diagnosis must not get wrong
-python -m benchmarks calibrate --dry      # its limits of false alarms, from healthy machines
 python -m benchmarks train rows CASES OUT # evidence of known changes; then: train fit OUT --out WEIGHTS
 python -m benchmarks real                 # recordings of real machines, an effect withheld from the model
 """
@@ -26,13 +25,13 @@ def main() -> int:
     words = sys.argv[1:]
     if words[:1] == ["evidence"]:
         return int(importlib.import_module("benchmarks.evidence").main(words[1:]) or 0)
-    if words[:1] in (["gate"], ["calibrate"], ["real"]):
+    if words[:1] in (["gate"], ["real"]):
         return int(importlib.import_module("benchmarks.questions.__main__").main(words))
     if words[:1] == ["train"]:
         return int(importlib.import_module("benchmarks.train.__main__").main(words[1:]) or 0)
     named = [word for word in words if word in known]
     if words and not named:
-        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, calibrate, real, {', '.join(known)}")
+        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, real, {', '.join(known)}")
     sys.argv[1:] = [word for word in words if word not in known]
     failed = []
     for name in named or known:

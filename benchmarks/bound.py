@@ -5,7 +5,7 @@
 For each law of friction (none but Coulomb's, Dahl, LuGre, generalised Maxwell slip) and encoder step, the share of
 intervals that hold the truth, over all parameters and of the worst. The inertias, gravity and viscous friction are
 known; the level of dry friction is that of sliding at speed. What no interval covers is a wrong law: LuGre and
-Maxwell slip have friction that the model (Coulomb and viscous) lacks.
+Maxwell slip have friction that the model (Coulomb and viscous) account.
 """
 
 from __future__ import annotations

@@ -49,6 +49,8 @@ FIRST = (
     "test_diagnosis",
     "test_closed_loop_virtual",
     "test_diagnosis_servo",
+    "test_days_account",
+    "test_days_structure",
     "test_days",
     "test_diagnosis_named",
     "test_vibration",

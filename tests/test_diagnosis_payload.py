@@ -11,7 +11,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
-from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes, possible, undetermined
+from pinotwin.diagnosis.days.body import body_of, body_sizes, possible, undetermined
 from pinotwin.diagnosis.payload import found_body, loaded_twin, physical
 from pinotwin.dynamics.parameters import pseudo_inertia
 from pinotwin.identification import identify
@@ -165,3 +165,16 @@ def test_what_is_not_told_is_said_to_be_open():
     sizes = body_sizes(body_of(pi, SURE), pi, SURE)
     assert sizes[0].name != "payload.mass"
     assert undetermined(sizes)[0] == "mass"
+
+
+def test_a_body_has_mass_and_centre_with_intervals():
+    pi = np.array([2.0, 0.2, 0.0, -0.1, *np.zeros(6)])
+    covariance = np.diag(np.array([0.01, 0.002, 0.002, 0.002, *np.ones(6)]) ** 2)
+    body = body_of(pi, covariance)
+    assert body.centre == pytest.approx([0.1, 0.0, -0.05])
+    assert body.centre_error[0] == pytest.approx(np.hypot(0.002, 0.01 * 0.1) / 2.0)
+    mass, *_ = body_sizes(body, pi, covariance)
+    assert mass.interval == pytest.approx((2.0 - 0.01645, 2.0 + 0.01645))
+    taken = body_of(-pi, covariance)
+    assert taken.mass == -2.0
+    assert taken.centre == pytest.approx([0.1, 0.0, -0.05])

@@ -14,8 +14,6 @@ from pinotwin.cli.identify import summary
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.result import Gap
-from pinotwin.diagnosis.search.forward import Found
-from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.identification.misfit import correlation_time, own_residual
 from pinotwin.simulation.command import request
 from pinotwin.simulation.run import beyond
@@ -136,9 +134,7 @@ def test_the_sentence_speaks_of_the_axis_that_is_open_and_not_of_the_noisiest(tw
     sizes = {c.machine.names[j]: c.new.size(j) for j in c.new.joints}
     noisy = Gap(rms=0.5 * sizes["Y"], nrmse=0.5, noise=0.5 * sizes["Y"], after=0.5 * sizes["Y"])
     open_one = Gap(rms=0.2 * sizes["A"], nrmse=0.2, noise=0.0, after=0.2 * sizes["A"])
-    searcher = Searcher(c)
-    nothing = Found((), None, (), searcher, searcher)
-    found = judge(c, nothing, {"Y": {"u": noisy}, "A": {"u": open_one}}, [])
+    found = judge(c, {}, {"Y": {"u": noisy}, "A": {"u": open_one}}, [])
     assert (found.verdict, list(found.unexplained)) == ("unexplained", ["A"])
     assert found.sentence.startswith("No known effect explains the residual of A (20.0% of its effort)")
 

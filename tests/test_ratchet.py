@@ -53,10 +53,10 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 56_628,
-    module_numbers: 114,
-    numbers_without_unit: 308,
-    stories: 6,
+    lines: 55_621,
+    module_numbers: 108,
+    numbers_without_unit: 293,
+    stories: 5,
 }
 
 

@@ -21,15 +21,6 @@ from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 
-OWN = ("trunnion", "laser_driller", "emps")
-"""Bundled machines: three friction laws, two of which their listings do not name."""
-FOREIGN = ("trunnion", "driller")
-"""Machines of the other simulator beside its random ones."""
-REAL = ("lwr4", "panda", "emps")
-"""Sets of recordings."""
-RUNS = ("own", "other", "both")
-"""What a real twin is asked about: its own log, another run, and both."""
-
 
 @dataclass(frozen=True)
 class Question:
@@ -39,7 +30,7 @@ class Question:
         kind: ``own``, ``foreign`` or ``real``.
         machine: name; of a real one the set of recordings.
         situation: ``structure`` or ``change``.
-        seed: of what is drawn. run: of a real one, see :data:`RUNS`.
+        seed: of what is drawn. run: of a real twin: its ``own`` log, an ``other`` one, or ``both``.
     """
 
     kind: str
@@ -66,25 +57,6 @@ class Asked:
     subject: Machine | Twin
     logs: tuple[Log, ...]
     validation: tuple[Log, ...] = ()
-
-
-def questions(seed: int, own: int, foreign: int, *, elsewhere: bool) -> list[Question]:
-    """Return healthy questions of every kind at hand.
-
-    Args:
-        seed: machines are ``random:SEED`` and those after it, unseen ones for an unseen seed.
-        own: own random machines beside the bundled ones.
-        foreign: random machines of the other simulator beside its named ones.
-        elsewhere: whether the other simulator and the recordings are at hand.
-    """
-    both = ("structure", "change")
-    mine = [*OWN, *(f"random:{seed + k}" for k in range(own))]
-    out = [Question("own", m, s, seed) for m in mine for s in both]
-    if elsewhere:
-        theirs = [*FOREIGN, *(f"random:{seed + k}" for k in range(foreign))] if foreign else []
-        out += [Question("foreign", m, s, seed) for m in theirs for s in both]
-        out += [Question("real", m, "change", run=r) for m in REAL for r in RUNS]
-    return out
 
 
 def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:

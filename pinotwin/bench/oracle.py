@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.bench.produce import Produced
-from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.evidence.moments import products
-from pinotwin.diagnosis.rules import RULES
-from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.days.ground import Ground
+from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.errors import DataError
+from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
 
@@ -25,26 +26,26 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
         c = compare(twin or sealed.machine, sealed.logs, [])
     except DataError:
         return None
-    searcher = Searcher(c)
-    columns = {}
+    ground = Ground.of(c)
+    first, sizes = ground.samples[0], list[float]()
     motions = [c.twin.motion(course) for course in made.courses]
-    for j in c.new.joints:  # logs one after the other
-        table = [np.interp(c.new.motion.t, m.t, np.nan_to_num(m.u[:, j])) for m in motions]
-        columns[j] = c.new.picked(np.nan_to_num(np.stack(table, axis=1)), j)
-    sums = products(searcher.ground.new, columns)
-    CX, inverse = sums.CX.sum(axis=0), searcher.ground.folds[-1]
-    S = sums.CC.sum(axis=0) - CX @ inverse @ CX.T
-    scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
-    given = scale**2 / np.diag(np.linalg.inv(S / np.outer(scale, scale) + 1e-9 * np.eye(len(S))))
-    sizes = []
-    for k, power in enumerate(given):
-        main = max(columns, key=lambda j: float(np.sum(columns[j][:, k] ** 2)) / c.floor[j] ** 2)
-        rows = max(len(c.new.residual[main]), 1)
-        sizes.append(float(np.sqrt(power / rows)) * c.floor[main] / _least(c, main))
+    columns = {}
+    for j in first.joints:  # logs one after the other
+        table = [np.interp(first.motion.t, m.t, np.nan_to_num(m.u[:, j])) for m in motions]
+        columns[j] = first.picked(np.nan_to_num(np.stack(table, axis=1)), j)
+    for k in range(len(motions)):
+        main = max(columns, key=lambda j: float(np.sum(columns[j][:, k] ** 2)) / first.size(j) ** 2)
+        sizes.append(_beside(ground, main, columns[main], k) / _least(ground, main))
     return min(sizes)
 
 
-def _least(c: Comparison, joint: int) -> float:
+def _beside(g: Ground, joint: int, columns: Floats, k: int) -> float:
+    """Return the RMS of one course that neither the twin nor the other courses (m, p) take up [N or N·m]."""
+    y, others = columns[:, k], np.column_stack([g.parts[joint][0].twin, np.delete(columns, k, axis=1)])
+    return rms(y - others @ np.linalg.lstsq(others, y, rcond=1e-9)[0])
+
+
+def _least(g: Ground, joint: int) -> float:
     """Return the least RMS that a cause must explain of the effort of an axis [N or N·m]."""
-    size = RULES.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
-    return float(max(size, np.sqrt(RULES.excess) * c.floor[joint])) if c.change else size
+    size = SETTINGS.share * max(g.samples[0].size(joint), 1e-300)
+    return max(size, g.c.floor[joint]) if g.c.change else size

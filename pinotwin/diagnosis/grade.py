@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.system.phrases import PRINTED
 
 Grade = Literal[
@@ -92,13 +92,12 @@ def is_open(
     noise: float | None,
     misfit: float | None,
     size: float | None,
-    rules: Rules = RULES,
     *,
     signal: str = "u",
 ) -> bool:
     """Whether more of a residual stays than a model leaves of a healthy axis; see :func:`stays`."""
-    known = rules.open_change if signal == "u" else rules.open_tracking
-    return stays(left, noise, misfit, size) > (known if _known(misfit) else rules.open_structure)
+    known = RULES.open_change if signal == "u" else RULES.open_tracking
+    return stays(left, noise, misfit, size) > (known if _known(misfit) else RULES.open_structure)
 
 
 def stays(left: float, noise: float | None, misfit: float | None, size: float | None) -> float:

@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis.candidates.catalogue import candidates
-from pinotwin.diagnosis.candidates.catalogue import named as named_of
-from pinotwin.diagnosis.candidates.episodes import Episodes
-from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
-from pinotwin.diagnosis.conclusion.explained import Account, at_one_gap, stated_of
-from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named
+from pinotwin.diagnosis.conclusion.explained import at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
-from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, traces
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
-from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
+from pinotwin.diagnosis.data.comparison import Comparison, compare
+from pinotwin.diagnosis.days.account import Account, alike
 from pinotwin.diagnosis.days.answer import diagnosed
-from pinotwin.diagnosis.evidence.bodies import undetermined
+from pinotwin.diagnosis.days.body import undetermined
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.structure import Lacking, lacking
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
-from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.forward import Found as Search
-from pinotwin.diagnosis.search.forward import search
-from pinotwin.diagnosis.search.injections import confidences, pairs_alike
-from pinotwin.diagnosis.search.pushes import only_sure, push_confidence, pushes
-from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
 from pinotwin.diagnosis.signals.servo import limits
 from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, unused
-from pinotwin.effects import Effect
 from pinotwin.effects.known import EffectLike, kind_of, with_given
 from pinotwin.errors import DataError, InputError
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -45,6 +37,7 @@ from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_subject
 
 Tell = Callable[[str, float], None]
+MOST = 5  # Causes of one question that the model's own effects are held against
 MOST_TIMES = 12  # Pushes on one axis whose times are listed
 
 
@@ -63,7 +56,6 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     effects: Sequence[EffectLike] = (),
     closed_loop: bool = True,
     false_alarm: float = 0.02,
-    rules: Rules = RULES,
 ) -> Diagnosis:
     """Say where logs and their model differ, which effects cause it, and how far the residual falls.
 
@@ -79,7 +71,6 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
         false_alarm: share of healthy logs of which something may be said [1], of logs with commands or a twin of three.
-        rules: thresholds.
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -99,45 +90,32 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
             c = compare(subject, logs, unseen)  # no law of a controller tells the runs apart
-        found = _by_search(c, subject, leave_out, rules, tell, options)
-    else:
-        found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
+        found = _by_structure(c, subject, shaken, tell, options)
+    found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
     return replace(found, prepared=c.among(logs), sealed=c.validation)
 
 
-def _by_search(
-    c: Comparison,
-    subject: Machine | Twin,
-    leave_out: Sequence[str],
-    rules: Rules,
-    tell: Tell,
-    options: Mapping[str, Any],
+def _by_structure(
+    c: Comparison, subject: Machine | Twin, shaken: Vibrations, tell: Tell, options: Mapping[str, Any]
 ) -> Diagnosis:
-    """Return the diagnosis by a search forward through the catalogue, its confidence by trials."""
-    seed, quick = int(options["seed"]), bool(options["quick"])
+    """Return the diagnosis by the effects of the catalogue, each held against what the twin's own may take up."""
+    leave_out, quick = options["leave_out"], options["quick"]
     tell("candidates", 0.15)
-    measured = second_encoders(c, np.random.default_rng([seed, 4]))
-    shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
-    s = _searched(c, shown, leave_out, rules, tell, quick=quick)
+    measured = second_encoders(c, np.random.default_rng([options["seed"], 4]))
+    found = lacking(c, leave_out, partial(admitted, measured), 1 if quick else MOST)
     tell("how sure", 0.8)
-    s, sure = _confirmed(s, shown, seed, rules, quick=quick)
-    rng = np.random.default_rng([seed, 5])
-    pushes = [push_confidence(c, s.whole, p, rng, rules) for p in s.pushed]
-    account = Account(s.whole.first, s.found, sure, list(zip(s.pushed, pushes, strict=True)), rules)
-    noise, kind = noise_levels(s.rest, rules)
-    gaps = gap_table(s.rest, account.together, noise)
-    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
-    named = [*effects_named(account, levels), *pushes_named(account, levels)]
-    named = with_encoders(named, measured, leave_out)
-    limited = limits(s.rest, leave_out) if options["closed_loop"] else []
-    shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
+    account = Account(found)
+    noise, kind = noise_levels(c)
+    gaps = gap_table(c, account.together, noise)
+    levels = {j: gaps[c.machine.names[j]]["u"].rms for j in c.new.joints}
+    named = with_encoders(account.found(levels), measured, leave_out)
+    limited = limits(c, leave_out) if options["closed_loop"] else []
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}
     named = at_one_gap([*named, *limited, *shaken.effects], others)
-    result = _concluded(subject, account, gaps, kind, named, seed, quick)
-    result = _with_encoders(result, measured)
-    result = with_open_signals(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
-    made = provenance(subject, s.rest.logs, s.rest.validation, **options)
+    result = _concluded(c, found, account, gaps, kind, named)
+    result = _with_encoders(replace(result, subject=subject, quick=quick), measured)
+    made = provenance(subject, c.logs, c.validation, **options)
     return replace(result, provenance=made)
 
 
@@ -166,103 +144,38 @@ def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagn
     return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 
-@dataclass(frozen=True, eq=False)
-class _Searched:
-    """What was found."""
-
-    whole: Search  # the search on all rows
-    found: Search  # that beside the pushes
-    pushed: Sequence[Episodes]  # pushes from outside
-    compared: Comparison  # what the first search compared
-    rest: Comparison  # what the second did
-    asks_pushes: bool  # whether pushes are looked for
-
-
-def _searched(
-    c: Comparison, every: Sequence[Effect], leave_out: Sequence[str], rules: Rules, tell: Tell, *, quick: bool
-) -> _Searched:
-    """Return the causes that come with the motion and the pushes from outside."""
-    most = 1 if quick else None
-    found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
-    asks = "external_force" not in leave_out
-    s = _Searched(found, found, (), c, c, asks)
-    return _beside_pushes(s, found, every, rules, quick=quick) if asks else s
-
-
-def _beside_pushes(
-    s: _Searched, whole: Search, every: Sequence[Effect], rules: Rules, *, quick: bool
-) -> _Searched:
-    """Return what was found with the pushes that a search on all rows leaves, and the causes beside them."""
-    c = s.compared
-    pushed = pushes(c, whole, rules)
-    if not pushed:
-        return s
-    rest = without_pushes(c, {p.joint: p.rows for p in pushed})
-    beside = search(rest, every, rules=rules, most=1 if quick else None)
-    return replace(s, whole=whole, found=beside, pushed=pushed, rest=rest)
-
-
-def _confirmed(
-    s: _Searched, every: Sequence[Effect], seed: int, rules: Rules, *, quick: bool
-) -> tuple[_Searched, list[float]]:
-    """Return how sure each cause is, and what was found; a cause that trials do not confirm hides no push."""
-    sure = _sure(s, seed, rules, quick=quick)
-    if not s.asks_pushes or s.pushed or min(sure, default=1.0) >= rules.named:
-        return s, sure
-    again = _beside_pushes(s, only_sure(s.compared, s.found, sure, rules), every, rules, quick=quick)
-    return again, _sure(again, seed, rules, quick=quick) if again.pushed else sure
-
-
-def _sure(s: _Searched, seed: int, rules: Rules, *, quick: bool) -> list[float]:
-    """Return the confidence of every cause that comes with the motion."""
-    if quick:
-        return [rules.quick_confidence] * len(s.found.steps)
-    return confidences(s.rest, s.found, np.random.default_rng([seed, 1]), rules=rules)
-
-
-def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
-    """Return what a search tries on these logs: effects that they can show, and patterns without a name."""
-    every = (*candidates(c, leave_out), *patterns(c))
-    return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
-
-
 def _concluded(
-    subject: Machine | Twin,
+    c: Comparison,
+    found: Lacking,
     account: Account,
     gaps: Mapping[str, Mapping[str, Gap]],
     kind: str,
     every: Sequence[Found],
-    seed: int,
-    quick: bool,
 ) -> Diagnosis:
-    c, found, rules = account.comparison, account.found, account.rules
-    pushed = [p for p, _ in account.pushed]
     # by the share of the squared residual that they explain, most first
     ordered = sorted(every, key=lambda e: -next((x.share for x in e.shrink.values()), float("inf")))
-    named = [e for e in ordered if e.confidence >= rules.named]
-    possible = [e for e in ordered if e.confidence < rules.named]
-    verdict = judge(c, found, gaps, named, possible, rules)
-    pairs = pairs_alike(found.steps)
-    has_command = c.new.motion.qr is not None
-    advice, motions = advise(kind, pairs, has_command=has_command)
-    axes = {p[0]: next((str(e.axis) for e in named if e.effect == p[0]), None) for p in pairs}
-    files = {
-        f"advice_{k}.csv": command(c.machine, c.new.motion, k, next(iter(axes.values()), None))
-        for k in motions[:2]
-    }
+    named = [e for e in ordered if e.confidence >= SETTINGS.likely]
+    possible = [e for e in ordered if e.confidence < SETTINGS.likely]
+    verdict = judge(c, account.patterns, gaps, named, possible)
+    groups = [g for x in account.causes for g in alike(x.turn)]
+    names = [[x.partition(".")[2] for x in g] for g in groups]
+    pairs = [(g[0], x) for g in names for x in dict.fromkeys(g[1:]) if x != g[0]]
+    advice, motions = advise(kind, pairs, has_command=c.new.motion.qr is not None)
+    axis = next((g[0].partition(".")[0] for g in groups), None)
+    pushed = {r.axis for r in account.pushed()}
     return Diagnosis(
         verdict=verdict.verdict,
         sentence=verdict.sentence,
         gap=gaps,
-        where=_where(c, found, pushed, np.random.default_rng([seed, 2])),
+        where=_where(c, account),
         effects=named,
-        confusable=[list(p) for p in pairs],
+        confusable=groups,
         unexplained=verdict.unexplained,
         remains=verdict.remains,
         noise=kind,
         advice=[
             *of_one_run(c, named),
-            *of_other_state(c, {*verdict.unexplained, *(c.machine.names[p.joint] for p in pushed)}, rules),
+            *of_other_state(c, {*verdict.unexplained, *pushed}),
             *advice,
             *_untold(named),
             *resting(c.machine, {*gaps, *c.gate.unknown}),
@@ -276,13 +189,11 @@ def _concluded(
             for j, axis in enumerate(c.machine.names)
             if j in account.together
         },
-        quick=quick,
-        traces=traces(c, account.named),
+        traces=account.traces(),
         machine=c.machine.name,
-        subject=subject,
-        commands=files,
-        missing=missing_before(c, found),
+        commands={f"advice_{k}.csv": command(c.machine, c.new.motion, k, axis) for k in motions[:2]},
         possible=possible,
+        evidence=[x.plain() for x in found.turns[0].rows() if x.group != "describe"][:20],
     )
 
 
@@ -299,47 +210,14 @@ def _untold(named: Sequence[Found]) -> list[str]:
     return out
 
 
-def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:
-    """Return what the twin already lacked on its own logs: no change, but worth identifying."""
-    if c.own is None:
-        return []
-    alone = replace(c, new=c.own, own=None, unseen=None)
-    searcher = Searcher(alone)
-    best: dict[tuple[str, str | None], float] = {}
-    seen = [s.chosen for s in found.steps] + [r for s in found.steps for r in s.rivals[:6]]
-    seen += [found.last[0]] if found.last else []
-    for one in seen:
-        again = None if isinstance(one.effect, Pattern) else searcher.score(one.effect)
-        if again is not None and again.share > RULES.share_structure and again.judged.strength > 12.0:
-            key = (one.effect.name, one.effect.axis)
-            best[key] = max(best.get(key, 0.0), again.share)
-    rows = [{"effect": e, "axis": a, "share": x} for (e, a), x in best.items()]
-    return sorted(rows, key=lambda r: -float(str(r["share"])))
-
-
-def _where(
-    c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.random.Generator
-) -> list[Region]:
+def _where(c: Comparison, account: Account) -> list[Region]:
     """Return the regions of the axes that something is said of, the times of pushes first."""
-    out = [r for p in pushed for r in _times(p, c.machine.names[p.joint])]
-    joints = list(dict.fromkeys(s.chosen.joint for s in found.steps))
+    rng = np.random.default_rng(0)
+    joints = list(dict.fromkeys(x.one.joint for x in account.causes))
     level = {j: c.new.level(j) / c.floor[j] for j in c.new.joints}
     joints = joints or sorted(level, key=lambda j: -level[j])[:1]
-    rest: list[Region] = []
-    for j in joints:
-        rest += localise(c.new, c.new.residual[j], j, rng)
-    return [*out, *sorted(rest, key=lambda r: -(r.share - r.time_share))]
-
-
-def _times(p: Episodes, axis: str) -> list[Region]:
-    """Return when an axis was pushed, what closes most first."""
-    power = p.share * p.course**2 / max(float(p.course @ p.course), 1e-300)
-    found = []
-    for start, end in p.spans():
-        inside = (p.t >= start) & (p.t < end)
-        share, time_share = float(power[inside].sum()), float(inside.mean())
-        found.append(Region(axis, "u", "time", (start, end), "s", share, time_share, None))
-    return sorted(found, key=lambda r: -r.share)[:MOST_TIMES]
+    rest = [r for j in joints for r in localise(c.new, c.new.residual[j], j, rng)]
+    return [*account.pushed()[:MOST_TIMES], *sorted(rest, key=lambda r: -(r.share - r.time_share))]
 
 
 def _seed(seed: int, random_state: int | None) -> int:

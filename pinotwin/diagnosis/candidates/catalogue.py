@@ -10,10 +10,12 @@ import numpy as np
 
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape, known
+from pinotwin.effects.effect import Paired
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.tree import Tree
 from pinotwin.machine import Axis
 from pinotwin.motion import Motion
+from pinotwin.twin import Twin
 
 APART = ("rigid_body", "external_force", "spring")
 """Looked for in another way: by change points in time, and by the vibration of a passive joint."""
@@ -44,6 +46,10 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
                 beside = [EFFECTS[x].on(tree, axis.name) for x in BESIDE.get(name, ())]
                 for effect in kind.candidates(tree, axis.name, motion):
                     yield Joined(axis.name, (*beside, effect)) if beside else effect
+    for axis in machine.axes.values() if comparison.change and Worn.name not in leave_out else ():
+        worn = Worn.of(comparison.twin, axis.name) if axis.index in comparison.new.joints else None
+        if worn is not None:
+            yield worn
 
 
 def _listed(kind: type[Effect], axis: Axis, comparison: Comparison) -> bool:
@@ -80,6 +86,38 @@ class Joined(Effect):
         return replace(self, parts=(*self.parts[:-1], self.parts[-1].shaped(values)))
 
 
+@dataclass(frozen=True)
+class Worn(Effect):
+    """All friction that a twin knows of an axis, larger or smaller by one factor."""
+
+    name: ClassVar[str] = "friction_scale"
+    unlisted: ClassVar[str] = "is a change of what a machine has"
+    searched: ClassVar[int] = 1  # of one part of friction alone that part is the plainer word
+    axis: str | None
+    parts: tuple[tuple[Effect, tuple[float, ...]], ...]
+
+    @classmethod
+    def of(cls, twin: Twin, axis: str) -> Worn | None:
+        """Return it of an axis of a twin; None where that knows no friction."""
+        own = [(x, theta) for x, theta in twin.pairs if x.family is FRICTION and x.axis == axis]
+        return cls(axis, tuple((x, tuple(theta.tolist())) for x, theta in own)) if own else None
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return (Coefficient("factor", "-", lower=0.0),)
+
+    def columns(self, motion: Motion) -> Columns:
+        found = [(x.columns(motion), theta) for x, theta in self.parts]
+        return Columns(found[0][0].joints, sum(x.values @ np.array(y) for x, y in found)[..., None])
+
+
 def named(effect: Effect) -> Effect:
     """Return the effect that a candidate is named for."""
     return effect.parts[-1] if isinstance(effect, Joined) else effect
+
+
+def same_cause(a: Effect, b: Effect) -> bool:
+    """Whether two effects are one cause as far as any motion can tell."""
+    alike = b.name in a.inseparable or a.name in b.inseparable
+    if isinstance(a, Paired) and isinstance(b, Paired) and a.name == b.name:
+        return {a.axis, a.partner} == {b.axis, b.partner}
+    return (a.name == b.name or alike) and a.axis == b.axis

@@ -91,7 +91,7 @@ class SpeedRipple(Pattern):
 
 
 @dataclass(frozen=True)
-class _Curve(Pattern):
+class Curve(Pattern):
     """A free curve: hat functions between knots."""
 
     searched: ClassVar[int] = 4
@@ -105,7 +105,7 @@ class _Curve(Pattern):
 
 
 @dataclass(frozen=True)
-class SpeedCurve(_Curve):
+class SpeedCurve(Curve):
     """A free curve over speed, its own for each direction: hat functions between knots."""
 
     name: ClassVar[str] = "speed_curve"
@@ -117,7 +117,7 @@ class SpeedCurve(_Curve):
 
 
 @dataclass(frozen=True)
-class PositionSpeedCurve(_Curve):
+class PositionSpeedCurve(Curve):
     """A position-dependent viscosity: v times a free curve over position."""
 
     name: ClassVar[str] = "position_viscosity"

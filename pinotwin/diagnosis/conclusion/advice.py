@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.phrases import effect_words
-from pinotwin.diagnosis.rules import Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import known
 from pinotwin.effects.family import FRICTION
 from pinotwin.machine import Machine
@@ -106,7 +106,7 @@ def _rubs(effect: str) -> bool:
     return kind is not None and kind.family is FRICTION
 
 
-def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> list[str]:
+def of_other_state(c: Comparison, open_axes: Collection[str]) -> list[str]:
     """Return a word on validation logs that do not show what the diagnosed logs show of some axes."""
     if not c.change or c.unseen is None:
         return []
@@ -114,7 +114,7 @@ def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> l
     for j in c.unseen.joints:
         name = c.machine.names[j]
         today, there = (rms(s.residual[j]) / max(s.size(j), 1e-300) for s in (c.new, c.unseen))
-        if name in open_axes and there < rules.other_state * today:
+        if name in open_axes and there < RULES.other_state * today:
             out.append(
                 f"{name}: the validation log shows {there / today:.0%} of its residual; if it was recorded before the "
                 "change, leave it out"

@@ -7,18 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+
+import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.candidates.episodes import Episodes
-from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.result import Found, Gap, Shrink, shrunk
-from pinotwin.diagnosis.rules import Rules
-from pinotwin.diagnosis.search.forward import Found as Search
-from pinotwin.diagnosis.search.forward import Step
-from pinotwin.diagnosis.search.scan import Scored, Searcher
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,93 +48,16 @@ def _share(before: Floats, gained: Floats) -> float:
     return float(gained.sum() / max(float(before.sum()), 1e-300))
 
 
-@dataclass(frozen=True, eq=False)
-class Turn:
-    """One cause beside those that were named before it."""
-
-    step: Step  # of the search
-    sure: float  # its confidence
-    ground: Searcher  # with the causes before it
-    worth: Scored  # what it is worth there
+RESAMPLES = 1000
 
 
-@dataclass(frozen=True, eq=False)
-class Account:
-    """The residual that every share is stated of, and the causes in the order in which they were named."""
-
-    whole: Searcher  # the ground on all rows, without any cause
-    found: Search  # the search beside the pushes
-    sure: Sequence[float]  # confidence of each of its causes
-    pushed: Sequence[tuple[Episodes, float]]  # pushes with theirs
-    rules: Rules  # thresholds
-
-    @property
-    def comparison(self) -> Comparison:
-        """What was searched for causes beside the pushes."""
-        return self.found.first.comparison
-
-    @property
-    def named(self) -> Searcher:
-        """The ground beside all causes that are named."""
-        return self._beside([turn.step.chosen for turn in self.turns if turn.sure >= self.rules.named])
-
-    def _beside(self, causes: Sequence[Scored]) -> Searcher:
-        """Return the ground beside some causes, and beside what the machine lists already."""
-        steps = {id(step.chosen) for step in self.found.steps}
-        listed = [one for one in self.found.searcher.found if id(one) not in steps]
-        if not causes and not listed:
-            return self.found.first
-        return Searcher(self.comparison, [*causes, *listed])
-
-    @cached_property
-    def turns(self) -> tuple[Turn, ...]:
-        """Every cause of the search, patterns left out, those first that are named."""
-        pairs = zip(self.found.steps, self.sure, strict=True)
-        causes = [(step, x) for step, x in pairs if not isinstance(step.chosen.effect, Pattern)]
-        before: list[Scored] = []
-        out = []
-        for step, sure in sorted(causes, key=lambda pair: pair[1] < self.rules.named):
-            ground, one = self._beside(before), step.chosen
-            if ground.found == step.searcher.found:
-                out.append(Turn(step, sure, step.searcher, one))
-            elif (again := ground.score(one.effect, one.table)) is not None:
-                out.append(Turn(step, sure, ground, again))
-            if sure >= self.rules.named:
-                before.append(one)
-        return tuple(out)
-
-    def closed(self, searcher: Searcher, one: Scored, joint: int) -> Closed:
-        """Return what a cause closes of the whole residual of an axis beside those on a ground."""
-        c, at = self.whole.comparison, self.whole.comparison.new.joints.index(joint)
-        fitted, beyond = self.whole.alone_by_joint
-        gains, unseen = searcher.gains_at(one, joint)
-        promised = _share(fitted[:, at], gains)
-        pushed = any(p.joint == joint for p, _ in self.pushed)
-        if c.unseen is None or joint not in c.unseen.joints or pushed:
-            return Closed(fitted[:, at], gains, promised, "held-out blocks")
-        return Closed(beyond[:, c.unseen.joints.index(joint)], unseen, promised, "validation")
-
-    def all_of(self, turn: Turn) -> dict[int, Closed]:
-        """Return joint -> what a cause closes of its gap: of the one it moves most, and where it is worth a word."""
-        every = {j: self.closed(turn.ground, turn.worth, j) for j in turn.worth.table[0]}
-        return {j: x for j, x in every.items() if j == turn.step.chosen.joint or x.share >= self.rules.share}
-
-    def pushes(self, pushed: Episodes) -> Closed:
-        """Return what pushes close of the whole residual of their axis, pushes included."""
-        at = self.whole.comparison.new.joints.index(pushed.joint)
-        before = self.whole.alone_by_joint[0][:, at]
-        return Closed(before, pushed.gains, _share(before, pushed.gains), "held-out rows of the disturbances")
-
-    @cached_property
-    def together(self) -> dict[int, Closed]:
-        """Return joint -> what all named causes close together."""
-        out: dict[int, Closed] = {}
-        parts = [self.all_of(turn) for turn in self.turns if turn.sure >= self.rules.named]
-        parts += [{p.joint: self.pushes(p)} for p, sure in self.pushed if sure >= self.rules.named]
-        for part in parts:
-            for j, x in part.items():
-                out[j] = out[j].beside(x) if j in out else x
-        return out
+def share_interval(before: Floats, after: Floats, seed: int = 0) -> tuple[float, float]:
+    """Return the 90 % interval of 1 - after/before over blocks drawn with replacement."""
+    rng = np.random.default_rng(seed)
+    at = rng.integers(len(before), size=(RESAMPLES, len(before)))
+    shares = 1.0 - after[at].sum(axis=1) / np.maximum(before[at].sum(axis=1), 1e-300)
+    low, high = np.quantile(shares, [0.05, 0.95])
+    return float(low), float(high)
 
 
 def at_one_gap(effects: Sequence[Found], gaps: Mapping[str, Mapping[str, Gap]]) -> list[Found]:

@@ -6,16 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import by_days, scatter
-from pinotwin.diagnosis.result import Gap, Traces
-from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.scan import Searcher
-from pinotwin.signals import joined, rms
+from pinotwin.diagnosis.result import Gap
+from pinotwin.signals import rms
 
 
 def gap_table(
@@ -54,7 +51,7 @@ def _expected(c: Comparison, joint: int) -> tuple[float, float]:
     return c.twin.misfit.summary[c.machine.names[joint]]["moving"], float(np.sqrt(more))
 
 
-def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float], str]:
+def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
     """Return joint -> RMS of the noise, and where it comes from: ``repeats`` or ``assumed``.
 
     Two runs of one command differ by noise and by the scatter from run to run; of a single run only the roughness from
@@ -71,19 +68,5 @@ def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float],
                 for a, b in pairs
             ]
             level = max(level, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(level, scatter(c, j, by_days(c, j, rules)))) if c.change else level
+        out[j] = float(np.hypot(level, scatter(c, j, by_days(c, j)))) if c.change else level
     return out, "repeats" if pairs else "assumed"
-
-
-def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
-    """Return arrays for plots: the gap before and after the causes of a ground, by axis and log."""
-    after = searcher.residual()
-    out = []
-    for j in c.new.joints:
-        at = c.new.samples(j)
-        t, before = c.new.motion.t[at], c.new.residual[j]
-        left: Floats = after[j] * c.floor[j]
-        for k, part in enumerate(joined(t)):
-            log = c.kept[k] if k < len(c.kept) else k
-            out.append(Traces(c.new.motion.names[j], log, t[part], before[part], left[part]))
-    return out

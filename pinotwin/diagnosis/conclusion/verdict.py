@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import grade, is_open, left_anyway
 from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Gap, Verdict
-from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.forward import Found as Search
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.system.phrases import capital, joined
 
 
@@ -32,17 +30,14 @@ class Judgement:
 
 def judge(
     c: Comparison,
-    found: Search,
+    patterns: Mapping[str, str],
     gaps: Mapping[str, Mapping[str, Gap]],
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
-    rules: Rules = RULES,
 ) -> Judgement:
-    """Return the verdict on a comparison."""
-    seen = [(s.chosen.joint, s.chosen.effect) for s in found.steps]
-    patterns = {c.machine.names[j]: e.says() for j, e in seen if isinstance(e, Pattern)}
+    """Return the verdict on a comparison; ``patterns``: axis -> what is left follows, in words."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
-    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"], rules)}
+    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"])}
     told = {axis for e in effects for axis in _axes(e)}
     known = gaps.keys() - told
     unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
@@ -56,7 +51,7 @@ def judge(
         f"{axis}: the residual is {row['u'].after / row['u'].expected:.1f} times the twin's expected error, and "
         "no single cause explains it. This motion may lie outside the data of the twin"
         for axis, row in judged.items()
-        if _odd(row["u"], rules) and axis not in unexplained
+        if _odd(row["u"]) and axis not in unexplained
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     maybe = [f"Possible, not sure: {'; '.join(said(e) for e in possible)}"] if possible else []
@@ -77,14 +72,14 @@ def _left(g: Gap) -> float:
     return float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))
 
 
-def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
+def _open(c: Comparison, axis: str, g: Gap) -> bool:
     """Whether more of an axis' gap stays than its model leaves on healthy logs.
 
     Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
     """
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    return is_open(g.after, g.noise, g.expected, size, rules)
+    return is_open(g.after, g.noise, g.expected, size)
 
 
 def _agrees(g: Gap) -> bool:
@@ -95,12 +90,12 @@ def _agrees(g: Gap) -> bool:
 def _quiet(g: Gap) -> bool:
     """Whether what a gap was, and what is left of it, is what the model leaves anyway, or noise."""
     if np.isfinite(g.misfit):
-        return not _odd(g, RULES)
+        return not _odd(g)
     return grade(g.rms, None, g.noise) == "agrees"
 
 
-def _odd(g: Gap, rules: Rules) -> bool:
-    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.expected))
+def _odd(g: Gap) -> bool:
+    return bool(np.isfinite(g.misfit) and g.after > RULES.odd * left_anyway(g.noise, g.expected))
 
 
 def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
@@ -140,7 +135,7 @@ def _sentence(
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
-    asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES))
+    asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"]))
     if asked and not any(largest in _axes(e) for e in effects):
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
         text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"

@@ -75,11 +75,6 @@ class Comparison:
         return tuple(s for s in (self.new, self.own, self.unseen) if s is not None)
 
     @cached_property
-    def model_columns(self) -> tuple[Effect, ...]:
-        """Effects of the base whose coefficients stay free: all of a machine's, none of a twin's."""
-        return () if self.change else self.twin.effects
-
-    @cached_property
     def rubs(self) -> Mapping[int, Floats]:
         """Joint -> course of every friction that the twin knows of it, on the rows in question [N or N·m], (m, k)."""
         out: dict[int, list[Floats]] = {j: [] for j in self.new.residual}
@@ -93,31 +88,6 @@ class Comparison:
     def rubbing(self) -> Mapping[int, Floats]:
         """Joint -> course of all friction that the twin knows of it, on the rows in question [N or N·m], shape (m,)."""
         return {j: x.sum(axis=1) for j, x in self.rubs.items()}
-
-    @cached_property
-    def friction(self) -> Mapping[int, float]:
-        """Joint -> RMS of all friction that the twin knows of it, on the rows in question [N or N·m]."""
-        return {j: rms(x) for j, x in self.rubbing.items()}
-
-    @cached_property
-    def held(self) -> Mask:
-        """Coefficients of :attr:`model_columns` that rest on a bound and stay there, shape (b,).
-
-        A rotor's inertia or a friction below zero is none: free, they would take up what no real machine does.
-        """
-        if self.change:
-            return np.zeros(0, dtype=bool)
-        coefficients = [c for e in self.twin.effects for c in e.coefficients()]
-        lower = [0.0 if c.name.startswith("Ja_") else c.lower for c in coefficients]
-        error = np.sqrt(np.maximum(np.diag(self.twin.covariance), 0.0))
-        return np.asarray(self.twin.theta - lower <= RULES.at_bound * error)
-
-    def held_beside(self, axes: Collection[str | None]) -> Mask:
-        """Return :attr:`held`, free on axes where a cause was found: what rested may have done so for want of it."""
-        if self.change:
-            return self.held
-        free = [e.axis in axes for e in self.twin.effects for _ in e.coefficients()]
-        return np.asarray(self.held & ~np.array(free, dtype=bool))
 
 
 def compare(
@@ -182,7 +152,7 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     why = {j: never if c.machine.names[j] in lost else UNSURE for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
     varies = {j: max(c.new.size(j), c.new.foretold(j)) for j in c.new.joints}
-    judged = [j for j in c.new.joints if why[j] is UNSURE and c.floor[j] <= varies[j] and _explained(c, j)]
+    judged = [j for j in c.new.joints if why[j] is UNSURE and c.floor[j] <= varies[j] and foretells(c, j)]
     if not judged or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}
@@ -192,7 +162,7 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     )
 
 
-def _explained(c: Comparison, joint: int) -> bool:
+def foretells(c: Comparison, joint: int) -> bool:
     """Whether the twin explains anything of an axis' effort in its own logs."""
     if c.own is None or joint not in c.own.joints:
         return True
@@ -375,11 +345,6 @@ def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[
         parts = {j: [x.get(j, np.zeros((n, p))) for p, x in found] for j, n in rows.items()}
         out.append({j: np.hstack([np.zeros((n, 0)), *parts[j]]) for j, n in rows.items()})
     return out
-
-
-def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
-    """Return the comparison without the rows of some joints that lie in pushes."""
-    return replace(c, new=_kept(c.new, {j: ~mask for j, mask in rows.items()}))
 
 
 def within(unseen: Sample, new: Sample, twin: Twin | None = None) -> Sample:

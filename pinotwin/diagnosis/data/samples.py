@@ -62,12 +62,6 @@ class Sample:
         at = {joint: k for k, joint in enumerate(found.joints) if joint in self.joints}
         return {joint: self.picked(found.values[:, k, :], joint) for joint, k in at.items()}
 
-    def screened(self, effect: Effect) -> dict[int, Floats]:
-        """Return the columns of an effect computed on the thinned motion itself: near, and much faster."""
-        found = effect.columns(self.coarse)
-        at = {joint: k for k, joint in enumerate(found.joints) if joint in self.joints}
-        return {j: found.values[self.rows.kept[self.rows.joints.index(j)], k, :] for j, k in at.items()}
-
     @cached_property
     def coarse(self) -> Motion:
         """The motion at the thinned instants."""
@@ -77,24 +71,28 @@ class Sample:
                 return self.motion
         return self.motion.at(self.rows.sample, self.rows.block)
 
-    def skimmed(self, effect: Effect) -> tuple[dict[int, Floats], dict[int, Ints]]:
-        """Return the columns of an effect, computed on some rows of every joint alone if it can, and these rows."""
-        rows, place, motion = self._few
+    def skimmed(self, effect: Effect, finer: Sample) -> tuple[dict[int, Floats], dict[int, Ints]]:
+        """Return the columns of an effect on some rows of every joint, and these rows; near, and much faster.
+
+        One without states is computed on them alone, another on all rows of a finer sample.
+        """
+        few, rows, place, motion = self._few
+        found = effect.columns(motion if effect.depends in MOMENTARY else finer.coarse)
         if effect.depends not in MOMENTARY:
-            return {j: x[rows[j]] for j, x in self.screened(effect).items()}, rows
-        found = effect.columns(motion)
+            at = np.searchsorted(finer.rows.sample, self.rows.sample[few])
+            place = {j: at[k] for j, k in place.items()}
         pairs = [(at, j) for at, j in enumerate(found.joints) if j in place]
         return {j: found.values[place[j], at, :] for at, j in pairs}, rows
 
     @cached_property
-    def _few(self) -> tuple[dict[int, Ints], dict[int, Ints], Motion]:
-        """Rows and places by joint, and the motion, of random instants: every k-th would alias the position."""
+    def _few(self) -> tuple[Ints, dict[int, Ints], dict[int, Ints], Motion]:
+        """Random instants, their rows and places by joint, and their motion: every k-th would alias the position."""
         count = len(self.rows.sample)
         few = np.sort(np.random.default_rng(0).permutation(count)[:SKIMMED_ROWS])
         pairs = list(zip(self.rows.joints, self.rows.kept, strict=True))
         rows = {j: (np.cumsum(kept) - 1)[few[kept[few]]] for j, kept in pairs}
         place = {j: np.flatnonzero(kept[few]) for j, kept in pairs}
-        return rows, place, self.coarse.at(few, self.rows.block[few])
+        return few, rows, place, self.coarse.at(few, self.rows.block[few])
 
     def picked(self, values: Floats, joint: int) -> Floats:
         """Return channels at the log's rate (n, ...) thinned, at the rows of one joint."""

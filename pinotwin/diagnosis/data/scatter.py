@@ -8,26 +8,20 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.rules import Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.signals import rms
 
 
-def by_days(c: Comparison, joint: int, rules: Rules) -> float:
+def by_days(c: Comparison, joint: int) -> float:
     """Return the share of an axis' friction by which logs of one machine may differ [1]: at least the usual one."""
     days = c.twin.quality.get("days", {}) if c.change else {}
-    return max([rules.scatter, *days.get(c.machine.names[joint], {}).values()])
+    return max([RULES.scatter, *days.get(c.machine.names[joint], {}).values()])
 
 
 def scatter(c: Comparison, joint: int, most: float) -> float:
     """Return the RMS by which friction differs from the twin's [N or N·m]."""
     courses = _courses(c, joint, most, c.new.residual[joint])
     return float(np.sqrt(sum(x @ x for _, x in courses) / max(len(c.new.residual[joint]), 1)))
-
-
-def scattered(c: Comparison, joint: int, most: float, left: Floats | None = None) -> float:
-    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`."""
-    courses = _courses(c, joint, most, c.new.residual[joint] if left is None else left)
-    return float(sum(2.0 * r @ x - x @ x for r, x in courses)) / c.floor[joint] ** 2
 
 
 def _courses(c: Comparison, joint: int, most: float, left: Floats) -> Iterator[tuple[Floats, Floats]]:

@@ -30,7 +30,6 @@ from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
-from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
 from pinotwin.effects.scene import with_model_effort
@@ -422,7 +421,7 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         noise=a.kind,
         advice=[
             *of_one_run(c, effects),
-            *(of_other_state(c, {*opened, *refuted}, RULES) if not a.recording() else []),
+            *(of_other_state(c, {*opened, *refuted}) if not a.recording() else []),
             *advice,
             *resting(c.machine, {*gap, *c.gate.unknown}),
         ],

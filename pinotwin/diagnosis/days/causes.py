@@ -129,7 +129,7 @@ def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
     """Return the coefficients of an effect before and after, those that cannot be below a bound at that bound."""
     out = []
     each = [k for part in parts(form) for k in part.coefficients()]
-    before = known(at.reference, form)
+    before = known(at.reference.twin, form)
     for k, old, x, error in zip(each, before, row.numbers * row.scale, row.errors * row.scale, strict=True):
         new, half = float(np.clip(old + x, k.lower, k.upper)), 1.645 * abs(float(error))
         out.append(Size(f"{row.name}.{k.name}", float(old), new, k.unit, (new - half, new + half)))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.candidates.catalogue import BESIDE, Joined
+from pinotwin.diagnosis.candidates.catalogue import BESIDE, Joined, Worn
 from pinotwin.diagnosis.days.mechanisms import FORMS
 from pinotwin.diagnosis.days.places import Local, Whitened
 from pinotwin.diagnosis.days.reference import Reference
@@ -18,6 +18,7 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import known as known_effects
 from pinotwin.effects.tree import Tree
 from pinotwin.motion import Motion
+from pinotwin.twin import Twin
 
 
 def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
@@ -93,14 +94,16 @@ def parts(form: Effect) -> tuple[Effect, ...]:
     return form.parts if isinstance(form, Joined) else (form,)
 
 
-def known(r: Reference, form: Effect) -> Floats:
-    """Return what the twin holds of the coefficients of a form, shape (p,); 0 of an effect that it has not."""
+def known(twin: Twin, form: Effect) -> Floats:
+    """Return what a twin holds of the coefficients of a form, shape (p,); 0 of what it has not."""
+    if isinstance(form, Worn):
+        return np.ones(1)
     out = []
     for part in parts(form):
         count = len(part.coefficients())
         same = [
-            r.twin.theta[where]
-            for e, where in zip(r.twin.effects, r.twin.slices, strict=True)
+            twin.theta[where]
+            for e, where in zip(twin.effects, twin.slices, strict=True)
             if (e.name, e.axis, e.shapes()) == (part.name, part.axis, part.shapes())
         ]
         out.append(same[0] if same and len(same[0]) == count else np.zeros(count))
@@ -111,5 +114,5 @@ def possible(r: Reference, found: Local, numbers: Floats, errors: Floats) -> boo
     """Whether a machine can have the coefficients of a form after the change, within two standard errors."""
     assert found.form is not None
     low, high = np.transpose([(c.lower, c.upper) for part in parts(found.form) for c in part.coefficients()])
-    after, slack = known(r, found.form) + numbers * found.scale, 2.0 * errors * found.scale
+    after, slack = known(r.twin, found.form) + numbers * found.scale, 2.0 * errors * found.scale
     return bool(np.all((low - slack <= after) & (after <= high + slack)))

@@ -85,11 +85,11 @@ class Whitened:
 def local(r: Reference, w: Whitened) -> dict[str, Local]:
     """Return the pushes, cuts, teeth and snags of an axis that are worth a look; columns of shape (n, p)."""
     logs, name, out = w.logs, w.name, dict[str, Local]()
-    pushes = _pulses(w, [(k,) for k in range(len(logs))], 8)
+    pushes = pulses(w, [(k,) for k in range(len(logs))], 8)
     if pushes:
         out["push"] = _timed(w, pushes)
     if one_program(r, logs):
-        cuts = _pulses(w, [tuple(range(len(logs)))], 12)
+        cuts = pulses(w, [tuple(range(len(logs)))], 12)
         if cuts:
             out["cut"] = _timed(w, cuts)
     low = min(float(s.axes[name]["q"].min()) for s in logs)
@@ -117,19 +117,21 @@ def whitened(
     return Whitened(logs, name, whitening.rho, whitening.weight, whitening.spread, masks, rest, effort)
 
 
-Pulses = list[dict[int, Floats]]
+Waves = list[dict[int, Floats]]
 """Half waves: stretch -> column."""
+LONG = (0.1, 0.2, 0.4, 0.8)
+"""Lengths [s] of the pushes that are tried first."""
 
 
-def _pulses(w: Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulses:
-    """Return pushes in time, the strongest first; each is the same in all stretches of its group."""
-    left, found, second = [x.copy() for x in w.left], list[dict[int, Floats]](), 1.0 / w.logs[0].step
+def pulses(
+    w: Whitened, groups: Sequence[tuple[int, ...]], most: int, lengths: Sequence[float] = LONG
+) -> Waves:
+    """Return pushes in time of about these lengths [s], the strongest first; each is alike in a group's stretches."""
+    left, found = [x.copy() for x in w.left], list[dict[int, Floats]]()
     for _ in range(most):
-        rough = [_strongest(w, left, g, x * second, box=box) for g in groups for x, box in LONG]
-        best = max(rough, key=lambda x: x.gain)
-        for steps in FINER:
-            finer = [_strongest(w, left, best.group, best.long * x, box=best.box) for x in steps]
-            best = max([best, *finer], key=lambda x: x.gain)
+        best = max(
+            (_finest(w, left, groups, lengths, box=box) for box in (False, True)), key=lambda x: x.gain
+        )
         columns, gain, rest = {}, 0.0, list(left)
         for k in best.group:
             x = np.zeros(len(w.logs[k].t))
@@ -145,8 +147,6 @@ def _pulses(w: Whitened, groups: Sequence[tuple[int, ...]], most: int) -> Pulses
     return found
 
 
-LONG = tuple((x, box) for box in (False, True) for x in (0.1, 0.2, 0.4, 0.8))
-"""Lengths [s] of the pushes that are tried first: half waves, and what comes and goes at once."""
 FINER = ((0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35), (0.95, 0.975, 1.025, 1.05))
 """By what the length of the best is multiplied then."""
 
@@ -161,6 +161,25 @@ class _Push:
     wave: Floats
     long: float
     box: bool
+
+
+def _finest(
+    w: Whitened,
+    left: Sequence[Floats],
+    groups: Sequence[tuple[int, ...]],
+    lengths: Sequence[float],
+    *,
+    box: bool,
+) -> _Push:
+    """Return the strongest push of all lengths, a half wave or a ``box`` that comes and goes at once."""
+    second = 1.0 / w.logs[0].step
+    best = max(
+        (_strongest(w, left, g, x * second, box=box) for g in groups for x in lengths), key=lambda x: x.gain
+    )
+    for steps in FINER:
+        finer = [_strongest(w, left, best.group, best.long * x, box=box) for x in steps]
+        best = max([best, *finer], key=lambda x: x.gain)
+    return best
 
 
 def _strongest(
@@ -182,7 +201,7 @@ def _strongest(
     return _Push(float(gain[at]), group, at, wave, long, box)
 
 
-def _timed(w: Whitened, pulses: Pulses) -> Local:
+def _timed(w: Whitened, pulses: Waves) -> Local:
     still = [np.zeros(len(s.t)) for s in w.logs]
     columns = [np.column_stack([p.get(k, x) * w.effort for p in pulses]) for k, x in enumerate(still)]
     rows = [(k, np.flatnonzero(x)) for p in pulses for k, x in p.items() if x.any()]

@@ -47,15 +47,20 @@ class Scored:
     Attributes:
         held: log density of every cell by numbers that do not know it, one array an equation [nats].
         full: the same by numbers that know all.
-        theta: numbers, shape (p,). error: their standard errors.
+        theta: numbers, shape (p,). covariance: theirs, shape (p, p).
         costs: log prior of the healthy day of every log [nats], shape (logs,).
     """
 
     held: list[Floats]
     full: list[Floats]
     theta: Floats
-    error: Floats
+    covariance: Floats
     costs: Floats
+
+    @property
+    def error(self) -> Floats:
+        """Standard errors of the numbers, shape (p,)."""
+        return np.asarray(np.sqrt(np.abs(np.diag(self.covariance))))
 
     @property
     def cost(self) -> float:
@@ -77,7 +82,11 @@ class _View:
 
 
 def score(
-    use: Sequence[tuple[Cells, Ints]], count: int, prior: Floats | None = None, fixed: Floats | None = None
+    use: Sequence[tuple[Cells, Ints]],
+    count: int,
+    prior: Floats | None = None,
+    fixed: Floats | None = None,
+    start: Floats | None = None,
 ) -> Scored:
     """Return the score of a cause.
 
@@ -86,12 +95,13 @@ def score(
         count: numbers of the cause.
         prior: their widths, shape (count,); None for none.
         fixed: the numbers, where they are known already.
+        start: numbers about which they are sought, where a cause acts in few cells: nothing by default.
     """
     views = _views(use)
     penalty = 1e-8 * np.eye(count) if prior is None else np.diag(1.0 / np.square(prior))
-    nu = SETTINGS.freedom
     # From nothing explained: from equal weights a narrow prior is broken at any price.
-    weights = [((nu + v.rows) / (nu + np.maximum(v.gram[:, -1, -1], 0.0)))[None] for v in views]
+    about = np.zeros(count) if start is None else start
+    weights = [_weight(v, np.r_[np.zeros(v.day), -about, 1.0])[None] for v in views]
     for _ in range(4):
         step, _, _ = _solved(views, weights, penalty, fixed)
         weights = [_weight(v, x[0])[None] for v, x in zip(views, step, strict=True)]
@@ -107,9 +117,9 @@ def score(
         held[v.equation].append(_density(v, x[1 + v.fold]))
         full[v.equation].append(_density(v, np.broadcast_to(x[0], (len(v.rows), x.shape[1]))))
         costs[v.log] -= 0.5 * float(x[0, : v.day] @ x[0, : v.day])
-    error = np.sqrt(np.abs(np.diag(np.linalg.pinv(information[0])))) if count else np.zeros(0)
+    covariance = np.linalg.pinv(information[0]) if count else np.zeros((0, 0))
     return Scored(
-        [np.concatenate(x) for x in held], [np.concatenate(x) for x in full], theta[0], error, costs
+        [np.concatenate(x) for x in held], [np.concatenate(x) for x in full], theta[0], covariance, costs
     )
 
 
@@ -172,7 +182,12 @@ def _solved(
     return steps, theta, information
 
 
+def squared(density_: Floats, rows: Floats) -> Floats:
+    """Return the squared residual of cells from their log density [nats] and rows, (c,) each; see :func:`density`."""
+    nu = SETTINGS.freedom
+    return np.asarray(nu * np.expm1(-2.0 * density_ / (nu + rows)))
+
+
 def opened(c: Cells, base: Floats) -> float:
     """Return the squared residual of an equation over what a healthy one has, from its cells' densities [nats]."""
-    nu = SETTINGS.freedom
-    return float(np.sum(nu * np.expm1(-2.0 * (base - c.constant) / (nu + c.rows))) / max(c.rows.sum(), 1e-9))
+    return float(squared(base - c.constant, c.rows).sum() / max(c.rows.sum(), 1e-9))

@@ -19,14 +19,12 @@ from itertools import pairwise
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.diagnosis.conclusion.explained import share_interval
 from pinotwin.diagnosis.conclusion.where import concentrated, regimes
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.evidence.blocks import Blocked, blocks_of, by_blocks
-from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
 from pinotwin.diagnosis.rules import RULES
-from pinotwin.diagnosis.search.injections import posterior
-from pinotwin.diagnosis.search.trials import TRIALS
+from pinotwin.diagnosis.signals.blocks import Blocked, blocks_of, by_blocks, posterior
 from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
 from pinotwin.solve.jackknife import jackknife
@@ -37,6 +35,7 @@ LATEST = 3.0  # Samples between two encoders on one clock, at most: what comes l
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
 SHARED = 0.5  # Of the stroke: what the twin's own logs must have visited for its table to be compared
+TRIALS = 10  # On stretches drawn at random, by which a part is confirmed
 KNOTS = 13  # Places along the stroke at which its error is stated
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 """Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
@@ -320,17 +319,17 @@ def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], d
         trials = {p: new.fit(_with([*always, *chosen], p), y, there) for p in parts if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
         if known is not None:
-            more = trials[best].left ** 2 + RULES.second_share * first**2
+            more = trials[best].left ** 2 + RULES.encoder_second * first**2
             best = min((p for p in trials if trials[p].left ** 2 < more), key=lambda p: new.parts[p].shape[1])
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
         low, high = share_interval(now.powers, fit.powers)
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
-        trace = known is not None and bool(chosen) and closed**2 < RULES.second_share * first**2
+        trace = known is not None and bool(chosen) and closed**2 < RULES.encoder_second * first**2
         if share < RULES.encoder_share or low <= 0.0 or closed < least or trace:
             break
         chosen = _with([*always, *chosen], best)[len(always) :]
-        if _sure(best, new, known, fit, [*always, *chosen]) > np.sqrt(RULES.strength_structure):
+        if _sure(best, new, known, fit, [*always, *chosen]) > np.sqrt(RULES.encoder_strength):
             steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
     return chosen, steps
 
@@ -345,7 +344,7 @@ def _confidences(
         for name in _chosen(part, known, rest)[1]:
             if name in wins:
                 wins[name] += 1
-    return {name: posterior(count, TRIALS, RULES) for name, count in wins.items()}
+    return {name: posterior(count, TRIALS) for name, count in wins.items()}
 
 
 def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Sequence[str]) -> float:

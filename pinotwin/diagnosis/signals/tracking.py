@@ -17,7 +17,6 @@ from pinotwin.columns import bind
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.scatter import by_days
 from pinotwin.diagnosis.result import Gap, Shrink
-from pinotwin.diagnosis.rules import RULES
 from pinotwin.errors import PinotwinError
 from pinotwin.identification.coupled import with_factors
 from pinotwin.log import Log
@@ -83,7 +82,7 @@ def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
 
 def _expected(c: Comparison, log: Log, motion: Motion) -> Floats:
     """Return the RMS that the twin leaves of the tracking error of a healthy day, shape (nv,)."""
-    shares = {name: 1.0 + by_days(c, axis.index, RULES) for name, axis in c.machine.axes.items()}
+    shares = {name: 1.0 + by_days(c, axis.index) for name, axis in c.machine.axes.items()}
     other = with_factors(c.twin, {name: (1.0, x, x, x, 1.0) for name, x in shares.items()})
     out, moved = np.full(c.machine.nv, np.nan), simulated_errors(other, log, motion)
     for j, (measured, said) in simulated_errors(c.twin, log, motion).items():

@@ -18,7 +18,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
-from pinotwin.diagnosis.search.injections import posterior
+from pinotwin.diagnosis.signals.blocks import posterior
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -214,7 +214,7 @@ def _shrink(
     interval = float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))
     on = "validation" if any(runs.sealed) else "held-out blocks"
     before, after = unseen
-    sure = posterior(int(np.sum(np.array(share) > RULES.vibration_share)), RESAMPLES, RULES)
+    sure = posterior(int(np.sum(np.array(share) > RULES.vibration_share)), RESAMPLES)
     return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on), sure
 
 

@@ -63,3 +63,8 @@ def blocks_of(rows: int, step: float) -> list[slice]:
     count = int(np.clip(rows * step / 0.5, 6, 40))
     edges = np.linspace(0, rows, count + 1).astype(int)
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def posterior(wins: int, trials: int) -> float:
+    """Return the confidence after so many trials, some of them won: beside one that was right and half a wrong one."""
+    return (wins + 1.0) / (trials + 1.5)

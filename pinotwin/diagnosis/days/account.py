@@ -1,0 +1,278 @@
+"""What a model lacks, in the form of the contract: each cause with its numbers, what it closes, and its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import Joined, named
+from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.explained import Closed
+from pinotwin.diagnosis.data.samples import ROW_RATE
+from pinotwin.diagnosis.days.body import body_of, body_sizes
+from pinotwin.diagnosis.days.ground import Ground
+from pinotwin.diagnosis.days.lack import Lack, judged, kin
+from pinotwin.diagnosis.days.pushed import pushed, pushes_of
+from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
+from pinotwin.diagnosis.result import Found, Region, Size, Traces
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.signals import joined
+
+ROUNDED = 1e-9
+"""Share of what a number is now below which it was none before: a fit leaves 2e-14 of what rests at zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """A cause beside those that are named before it.
+
+    Attributes:
+        one: the cause. sized: the same by the noise that it leaves, for its numbers. turn: in which it stands.
+        probability: of its class [1]. closed: joint -> what it closes.
+    """
+
+    one: Lack
+    sized: Lack
+    turn: Turn
+    probability: float
+    closed: Mapping[int, Closed]
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is named; otherwise it is said to be possible."""
+        return self.probability >= SETTINGS.likely
+
+
+class Account:
+    """The causes of a search in the order in which they are named, and what is left beside them.
+
+    Attributes:
+        causes: without a name, none. patterns: axis -> what is left follows, in words. rest: the ground beside them.
+    """
+
+    def __init__(self, found: Lacking) -> None:
+        g = self.start = Ground.of(
+            found.start.c, ROW_RATE
+        )  # names are told by half of the rows, numbers by all
+        self.causes = list[Told]()
+        self.disturbed = {x.joint for x in found.causes if x.searched}
+        self.patterns = {
+            x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern) and x.axis
+        }
+        for own in found.listed:
+            g = beside(g, _again(g, own) or own)
+        pairs = [(x, x.taken, _probability(x, x.taken)) for x in found.named if x.taken is not None]
+        # Those that are sure first, the largest before others, and pushes beside what comes with the motion.
+        pairs.sort(key=lambda x: (x[2] < SETTINGS.likely, x[1].effect is None, -x[1].worth))
+        for turn, one, sure in pairs:
+            again = None if isinstance(one.effect, Pattern) else _again(g, one)
+            if again is None or (again.effect is not None and again.total <= BAR):
+                continue
+            closed = {j: self._closed(again, j) for j in again.fit.held}
+            told = {j: x for j, x in closed.items() if j == again.joint or x.share >= RULES.share}
+            rest = beside(g, again)
+            sized = (
+                None
+                if again.effect is None
+                else judged(g.as_noisy_as(rest), again.effect, again.axis, again.tables)
+            )
+            self.causes.append(Told(again, sized or again, turn, sure, told))
+            g = rest if self.causes[-1].sure else g
+        self.rest = g
+
+    def _closed(self, one: Lack, j: int) -> Closed:
+        """Return what a cause closes of an axis beside those named before it, by numbers that do not know the rows.
+
+        Instants are told by the very rows that show them, so the logs in question judge all causes of such an axis.
+        """
+        told = j not in self.disturbed and len(self.start.parts[j]) > 1
+        named_ = [x.one for x in self.causes if x.sure and j in x.one.fit.held]
+        whole, gained = list[Floats](), list[Floats]()
+        for k in (0, int(told)):
+            whole.append(self.start.whole(j, k))
+            gained.append((_left(named_[-1], j, k) if named_ else whole[-1]) - _left(one, j, k))
+        promised = float(gained[0].sum() / max(float(whole[0].sum()), 1e-300))
+        on = "validation" if told else "fitted logs" if one.searched else "held-out blocks"
+        return Closed(whole[1], gained[1], promised, on)
+
+    @cached_property
+    def together(self) -> dict[int, Closed]:
+        """Joint -> what all named causes close together."""
+        out = dict[int, list[Closed]]()
+        for x in self.causes:
+            for j, closed in x.closed.items() if x.sure else ():
+                out.setdefault(j, []).append(closed)
+        return {j: reduce(Closed.beside, x) for j, x in out.items()}
+
+    def found(self, levels: Mapping[int, float]) -> list[Found]:
+        """Return all causes in the form of the contract; ``levels``: joint -> RMS of its residual [N or N·m]."""
+        return [_found(x, levels) for x in self.causes]
+
+    def traces(self) -> list[Traces]:
+        """Return arrays for plots: the residual before and after the named causes, by axis and log."""
+        out, c = list[Traces](), self.start.c
+        for j, (p, *_) in self.start.parts.items():
+            after = self.rest.left(j)
+            for k, part in enumerate(joined(p.t)):
+                log = c.kept[k] if k < len(c.kept) else k
+                out.append(Traces(c.machine.names[j], log, p.t[part], p.left[part], after[part]))
+        return out
+
+    def pushed(self) -> list[Region]:
+        """Return when axes were pushed, what closes most first."""
+        return [r for x in self.causes if x.one.effect is None and x.sure for r in _times(x.one)]
+
+
+def _left(one: Lack, j: int, part: int) -> Floats:
+    """Return the squared residual that a cause leaves of every cell of a joint, (c,) [N² or N²·m²]."""
+    found = one.fit.seen if part else one.fit.full if one.searched else one.fit.held
+    return one.ground.power(j, found[j], part)
+
+
+def _again(g: Ground, one: Lack) -> Lack | None:
+    """Return a cause on another ground; one that swings may do so beyond the band by which its name was told."""
+    if one.effect is None:
+        return pushes_of(g, one.joint, pushed(g, one.joint))
+    again = judged(g, one.effect, one.axis, g.table(one.effect))
+    while again is not None and any(x.unit == "Hz" for x in one.effect.shapes()):
+        before, again = again, polished(g, again)
+        if again.total < before.total + 1.0:
+            break
+    return again
+
+
+def alike(turn: Turn) -> list[list[str]]:
+    """Return what these logs do not tell apart, as ``axis.effect``: a cause and its kin that are as probable.
+
+    As probable is what lies within the price of one number.
+    """
+    one, found = turn.taken, turn.probabilities()
+    if one is None or isinstance(one.effect, Pattern):
+        return []
+    own = max(p for x, p in found if (x.name, x.axis) == (one.name, one.axis))
+    inseparable = [] if one.effect is None else [f"{one.axis}.{x}" for x in named(one.effect).inseparable]
+    near = [f"{x.axis}.{x.name}" for x, p in found if p > own * np.exp(-SETTINGS.number) and kin(x, one)]
+    group = list(dict.fromkeys([f"{one.axis}.{one.name}", *inseparable, *near]))
+    return [group] if len(group) > 1 else []
+
+
+def _probability(turn: Turn, one: Lack) -> float:
+    """Return the probability of a cause and of its kin, of which it is the simplest that is as good [1]."""
+    return min(sum(p for x, p in turn.probabilities() if kin(x, one)), 1.0)
+
+
+def _found(x: Told, levels: Mapping[int, float]) -> Found:
+    one, names = x.one, x.one.ground.c.machine.names
+    acts = {names[j]: closed.shrink(levels[j], names[j]) for j, closed in x.closed.items()}
+    effect = None if one.effect is None else named(one.effect)
+    shape = (
+        {}
+        if effect is None
+        else dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
+    )
+    sizes = sizes_of(x.sized)
+    for s in sizes:
+        if s.name.endswith(".resonance"):
+            shape["resonance"] = s.after
+    if one.effect is None:
+        theta = {f"f{k}": -f for k, f in enumerate(_forces(one))}
+        shape = {f"start{k}": a for k, (a, _) in enumerate(one.spans)}
+    else:
+        theta = dict(zip((c.name for c in one.effect.coefficients()), x.sized.theta.tolist(), strict=True))
+    return Found(
+        effect=one.name,
+        axis=one.axis,
+        confidence=x.probability,
+        shape=shape,
+        theta=theta,
+        shrink={"u": acts[names[one.joint]]},
+        alternatives=_rivals(x),
+        gain=one.total,
+        size=sizes,
+        listed=effect,
+        acts=acts,
+    )
+
+
+def _rivals(x: Told) -> Sequence[Mapping[str, Any]]:
+    """Return other effects with their probability, the most probable first."""
+    out = [
+        {
+            "effect": r.name,
+            "axis": r.axis,
+            "probability": p,
+            "share": float(np.clip(r.share, 0.0, 1.0)),
+            "why": f"its score is {r.total:.0f}, in natural logarithms of likelihood",
+        }
+        for r, p in x.turn.probabilities()
+        if p > 0.005 and not isinstance(r.effect, Pattern) and (r.name, r.axis) != (x.one.name, x.one.axis)
+    ]
+    return out[:5]
+
+
+def sizes_of(one: Lack) -> list[Size]:
+    """Return what changed from what to what, in the effect's own numbers, with 90 % intervals."""
+    if one.effect is None:
+        return [_largest(one)]
+    if one.name == "payload":
+        covariance = one.fit.covariance
+        return body_sizes(body_of(one.theta, covariance), one.theta, covariance)
+    (before, after, covariance), rows = one.numbers, list[Size]()
+    half = 1.645 * np.sqrt(np.abs(np.diag(covariance)))
+    each = zip(one.effect.coefficients(), before, after, half, strict=True)
+    for x, old, now, wide in each:
+        least = -np.inf if one.effect.logged_effort else x.lower
+        old, now = (float(old) if abs(old) > ROUNDED * abs(now) else 0.0), max(float(now), least)
+        low, high = (float(max(now + h, least)) for h in (-wide, wide))
+        rows.append(Size(f"{one.name}.{x.name}", old, float(now), x.unit, (low, high)))
+    if isinstance(one.effect, Joined):  # its own number comes before that of what it rides on
+        own = len(named(one.effect).coefficients())
+        rows = [*rows[-own:], *rows[:-own]]
+    return [*_resonance(one), *rows]
+
+
+def _resonance(one: Lack) -> list[Size]:
+    """Return the mode of a flexible drive with its motor free, from that with the motor held."""
+    if one.name not in ("drive_flexibility", "joint_flexibility") or one.effect is None:
+        return []
+    carried, whole = one.inertias
+    held, share, error = float(one.effect.shape_values()[0]), float(one.theta[-1]), float(one.fit.error[-1])
+
+    def free(x: float) -> float:
+        return held / float(np.sqrt(np.clip(1.0 - x * carried / whole, 1e-3, 1.0)))
+
+    if not 0.0 < share * carried < whole:
+        return []
+    span = free(share - 1.645 * error), free(share + 1.645 * error)
+    return [Size(f"{one.name}.resonance", float("nan"), free(share), "Hz", span)]
+
+
+def _forces(one: Lack) -> list[float]:
+    """Return the effort of every push at its largest [N or N·m]."""
+    return [float(x[np.argmax(np.abs(x))]) for x in one.pushes()]
+
+
+def _largest(one: Lack) -> Size:
+    """Return the largest push, with the sign of a load on the axis."""
+    force = -max(_forces(one), key=abs)
+    half = 1.645 * abs(force) * float(np.min(one.fit.error / np.maximum(np.abs(one.theta), 1e-300)))
+    unit = "N·m" if one.ground.c.machine.rotary[one.joint] else "N"
+    return Size("largest disturbance", 0.0, force, unit, (force - half, force + half))
+
+
+def _times(one: Lack) -> list[Region]:
+    """Return when an axis was pushed, the largest first, with the share of the residual that pushes close there."""
+    p = one.ground.parts[one.joint][0]
+    course, whole = one.tables[0][one.joint] @ one.theta, max(float(p.left @ p.left), 1e-300)
+    gone = (p.left**2 - (p.left - course) ** 2) / whole
+    out = []
+    for a, b in one.spans:
+        at = (p.t >= a) & (p.t <= b)
+        out.append(Region(one.axis, "u", "time", (a, b), "s", float(gone[at].sum()), float(at.mean()), None))
+    return sorted(out, key=lambda r: -r.share)

@@ -1,0 +1,62 @@
+"""Pushes from outside on the ground of a question: half waves and boxes in time, each with its instant and length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.days.ground import Ground
+from pinotwin.diagnosis.days.lack import Lack, judged
+from pinotwin.diagnosis.days.places import LONG, Whitened, pulses
+from pinotwin.diagnosis.days.settings import SETTINGS
+
+LENGTHS = (*LONG, 1.6, 3.2)  # Of pushes [s]; a twin's misfit comes and goes for as long
+
+
+def pushes_of(g: Ground, j: int, columns: Sequence[Floats]) -> Lack | None:
+    """Return pushes on a joint, each of a course (m,), with what they are worth but for the search."""
+    if not columns:
+        return None
+    none = [{j: np.zeros((len(p.left), len(columns)))} for p in g.parts[j][1:]]
+    return judged(g, None, g.c.machine.names[j], [{j: np.column_stack(columns)}, *none])
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """An even clock of one log, as the search for pushes reads a stretch: times and cells, shape (n,) each."""
+
+    t: Floats
+    step: float
+    cell: Ints
+
+
+def pushed(g: Ground, j: int) -> list[Floats]:
+    """Return the courses of pushes on a joint, (m,) each, of size one."""
+    g = g.fine(j) if g.c.change else g
+    p, (sigma, apart), left = g.parts[j][0], g.noise[j], g.left(j)
+    v = np.abs(g.samples[0].motion.v[g.samples[0].samples(j), j])
+    fast = v > 0.01 * v.max()  # at rest dry friction holds any effort up to its level
+    logs, rows, masks, rest = list[Any](), list[Ints](), list[Floats](), list[Floats]()
+    for k in range(int(p.log[-1]) + 1):
+        own = np.flatnonzero(p.log == k)
+        at = np.round((p.t[own] - p.t[own[0]]) / g.step).astype(np.intp)
+        t = np.arange(at[-1] + 1) * g.step
+        x, mask = np.zeros((2, len(t)))
+        x[at], mask[at] = left[own] / (sigma * np.sqrt(apart)), fast[own]
+        logs.append(Clock(t, g.step, (t / SETTINGS.cell).astype(np.intp)))
+        rows.append(at)
+        masks.append(mask)
+        rest.append(x)
+    size, weight = g.samples[0].size(j), sigma * float(np.sqrt(apart))
+    view = Whitened(logs, g.c.machine.names[j], np.zeros(0), weight, apart, masks, rest, size)
+    found = pulses(view, [(k,) for k in range(len(logs))], 8, LONG if g.c.change else LENGTHS)
+    return [
+        np.concatenate(
+            [f.get(k, np.zeros(len(x.t)))[at] for k, (x, at) in enumerate(zip(logs, rows, strict=True))]
+        )
+        for f in found
+    ]

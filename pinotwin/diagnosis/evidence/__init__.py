@@ -1,1 +1,0 @@
-"""The evidence for a candidate: block sums, held-out gains, differences of differences."""

@@ -1,1 +1,0 @@
-"""The search for causes: scan all candidates, polish the best, take in one after the other."""
