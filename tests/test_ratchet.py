@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_621,
+    lines: 55_624,
     module_numbers: 108,
     numbers_without_unit: 293,
     stories: 5,

@@ -35,8 +35,8 @@ TRACE = 1.0 / 3.0
 """Of what a cause does, RMS: so much may be left of it because its form is not quite right."""
 BAR = 12.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
-"""By how much the logarithms of the odds of two causes are smaller than the difference of their scores [nats]: so the
-mean probability of 94 causes of known machines was the share of those that were right."""
+"""By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
+[nats]: so the mean probability of 94 causes of known machines was the share of those that were right."""
 STRONGER = (
     2.5  # Times what the strongest push in a twin's own logs closes, squared, that one of a change must close
 )
@@ -187,7 +187,10 @@ class Turn:
         one = self.taken
         every = [x for x in self.new if one and x.joint == one.joint and x.worth > SETTINGS.share]
         every = [x for x in every if x is one or not isinstance(x.effect, Curve)]
-        score = np.array([x.total for x in every]) / WIDTH
+        width = (
+            WIDTH if self.ground.past is None else 1.0
+        )  # a twin's own logs tell how many rows count as one
+        score = np.array([x.total for x in every]) / width
         share = np.exp(score - score.max(initial=-np.inf))
         return list(zip(every, ((1.0 - LAPSE) * share / share.sum()).tolist(), strict=True))
 
