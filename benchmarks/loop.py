@@ -63,7 +63,7 @@ def plain_cost(data: LoopData, theta: np.ndarray) -> float:
     fast = 2 * math.pi / STEP
     full = np.polymul(den, [1.0, 2 * fast, fast * fast])
     columns = []
-    for bottom, w in ((den, data.d[:, 0]), (full, data.velocity)):
+    for bottom, w in ((den, data.d[:, 0]), (full, data.vr)):
         for k in range(len(bottom) - 1):
             top = np.zeros(k + 1)
             top[0] = 1.0
@@ -129,7 +129,7 @@ def simulation() -> None:
     for pairs in (1, 2):
         model = truth(pairs)
         data = log(model, 50_000)
-        qr, d, vr, ar = data.qr, data.d, data.velocity, data.acceleration
+        qr, d, vr, ar = data.qr, data.d, data.vr, data.ar
         ours = best(lambda m=model, a=(qr, d, vr, ar): m.simulate(a[0], a[1], vr=a[2], ar=a[3]), 7)
         system = model.to_control(None, None)
         t = STEP * np.arange(50_000)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import LogError, nearest
+from pinotwin.errors import LogError, nearest, some
 from pinotwin.log import JOINT_SIGNALS, Log, split_unit
 from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR, UNUSED, si_factor
 
@@ -96,14 +96,14 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
         raise LogError(
             f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and "
             "no columns are mapped; map them under `columns` in machine.yaml; "
-            f"channels: {_some(list(log.channels))}"
+            f"channels: {some(list(log.channels))}"
         )
     for name in [name for name, column in columns.items() if column.law]:
         with suppress(LogError) if name in optional else nullcontext():
             channels[name], units[name], scale[name] = _by_law(log, channels, name, columns[name])
     notes += _unused_dropped(channels, columns)
     left = [name for name in log.channels if name not in used]
-    notes += [f"not mapped and left out: {_some(left)}"] if left else []
+    notes += [f"not mapped and left out: {some(left)}"] if left else []
     return _sized(Log(channels, log.source, log.scalars, tuple(notes), units, scale), columns)
 
 
@@ -233,9 +233,7 @@ def _find(log: Log, column: str, name: str) -> str | None:
         if len(ending) == 1:
             return ending[0]
         if ending:
-            raise LogError(
-                f"{log.source}: {name}: {column} could be any of {_some(ending)}; name one in full"
-            )
+            raise LogError(f"{log.source}: {name}: {column} could be any of {some(ending)}; name one in full")
     if name in log and is_contract_name(name):
         return None
     raise LogError(f"{log.source}: {name}: no column {column!r}; {nearest(column, log.channels)}")
@@ -259,8 +257,3 @@ def _scalar(log: Log, factor: float | str, name: str) -> float:
     if value == 0 or not math.isfinite(value):
         raise LogError(f"{log.source}: {name}: the scalar {factor!r} is {value}; give a number")
     return value
-
-
-def _some(names: list[str]) -> str:
-    rest = f" and {len(names) - 8} more" if len(names) > 8 else ""
-    return (", ".join(names[:8]) + rest) if names else "none"

@@ -6,7 +6,7 @@ The command line prints that line and exits with 2; any other exception is a bug
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 LONGEST = 480  # letters of a message: names and values that it repeats may come from a file of any kind
 
@@ -63,6 +63,12 @@ def nearest(name: str, known: Iterable[str]) -> str:
         few = near[: max(6, len(holding))] or words[:6]
         return f"{hint}{'nearest' if near else 'some'} of {len(words)}: {', '.join(few)}"
     return f"{hint}known: {', '.join(words) if words else 'none'}"
+
+
+def some(names: Sequence[str], most: int = 8) -> str:
+    """Return the first ``most`` names, how many more there are, or that there is none."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more if names else "none"
 
 
 def require(name: str, known: Collection[str], said: str, error: type[PinotwinError]) -> None:

@@ -169,8 +169,7 @@ class Log(Card):
 
     def to_pandas(self) -> Any:
         """Return a pandas DataFrame; units and notes in its ``attrs``. InputError if pandas is not installed."""
-        pandas = require_pandas()
-        table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
+        table = require_pandas().DataFrame({name: np.array(x) for name, x in self.channels.items()})
         table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}
         return table
 
@@ -209,15 +208,11 @@ class Log(Card):
         return cls(channels, source=source, units=units)
 
     def _shown(self) -> Shown:
-        rows = [
-            (
-                name,
-                self.units.get(name, ""),
-                *(f"{x:.5g}" for x in _ends(values)),
-                int(np.isnan(values).sum()),
-            )
-            for name, values in self.channels.items()
-        ]
+        rows = []
+        for name, x in self.channels.items():
+            known = x[np.isfinite(x)]
+            low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
+            rows.append((name, self.units.get(name, ""), f"{low:.5g}", f"{high:.5g}", np.isnan(x).sum()))
         return (f"Log {self.source}: {len(self)} rows", _LOG_COLUMNS, rows, " ".join(self.notes[:3]))
 
     def fingerprint(self) -> str:
@@ -269,12 +264,6 @@ def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: st
                 "these rows out, or use Log.from_pandas, where NaN is a missing value"
             )
     return out
-
-
-def _ends(x: Floats) -> tuple[float, float]:
-    """Return the smallest and the largest value, NaN where there is none."""
-    known = x[np.isfinite(x)]
-    return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
 
 
 def require_pandas() -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 from pinotwin.notebook import Card, Shown
-from pinotwin.signals.filters import low_pass
+from pinotwin.signals.filters import interior, low_pass
 
 CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", "model", "rigid", "mass")
 
@@ -123,10 +123,7 @@ class Motion(Card):
     @cached_property
     def inside(self) -> Mask:
         """Rows that lie in an unbroken stretch, shape (n,)."""
-        found = np.zeros(len(self), dtype=bool)
-        for s in self.segments:
-            found[s] = True
-        return found
+        return interior(len(self), 0, self.segments)
 
     def moving(self, joint: int) -> Mask:
         """Return the rows on which errors of one joint's effort are stated: in motion, with an effort."""

@@ -90,18 +90,14 @@ def in_log_unit(unit: str, rotary: bool, size: Mapping[str, Any]) -> tuple[str, 
 
 
 _SPELLED = {
-    spelled: unit
-    for unit, words in {
-        "A": "ampere amps",
-        "V": "volt volts",
-        "N": "newton",
-        "s": "second seconds sekunde sekunden",
-        "ms": "millisecond milliseconds",
-        "us": "usec microseconds",
-        "ns": "nsec nanoseconds",
-        "%": "percent prozent",
-    }.items()
-    for spelled in words.split()
+    **dict.fromkeys(("ampere", "amps"), "A"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    "newton": "N",
+    **dict.fromkeys(("second", "seconds", "sekunde", "sekunden"), "s"),
+    **dict.fromkeys(("millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("usec", "microseconds"), "us"),
+    **dict.fromkeys(("nsec", "nanoseconds"), "ns"),
+    **dict.fromkeys(("percent", "prozent"), "%"),
 }
 
 

@@ -43,7 +43,10 @@ def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, F
     M = mean_inertia(plant, halton(postures, q.min(axis=0), q.max(axis=0)))
     found = {"inertia": np.diag(M).copy(), **linear_terms(plant)}
     if plant.machine.passive:
-        found["ground"] = _ground(plant.machine, M)
+        found["ground"] = ground = np.diag(M).copy()
+        for passive, axis in reacting(plant.machine).items():
+            p, i = plant.machine.names.index(passive), plant.machine.axes[axis].index
+            ground[p] = M[p, p] - 2.0 * M[p, i] + M[i, i]
     return found
 
 
@@ -65,14 +68,6 @@ def reacting(machine: Machine) -> dict[str, str]:
         below = int(parents[axis.index + 1]) - 1
         if below >= 0 and machine.names[below] in machine.passive:
             out.setdefault(machine.names[below], name)
-    return out
-
-
-def _ground(machine: Machine, M: Floats) -> Floats:
-    out = np.diag(M).copy()
-    for passive, axis in reacting(machine).items():
-        p, i = machine.names.index(passive), machine.axes[axis].index
-        out[p] = M[p, p] - 2.0 * M[p, i] + M[i, i]
     return out
 
 

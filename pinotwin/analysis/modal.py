@@ -9,14 +9,14 @@ the first-order form (Tisseur & Meerbergen 2001, doi:10.1137/S0036144500381988).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.analysis.deflection import springs
+from pinotwin.analysis.deflection import PassiveSpring, springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
 from pinotwin.errors import MachineError, TwinError, require
@@ -65,13 +65,14 @@ def modes(
     gravity: bool = True,
 ) -> Modes:
     """Return the vibrations at a posture [m or rad]; MachineError: unknown axis, or joint of unknown stiffness."""
-    believed, model, found = _believed(machine)
+    believed = machine if isinstance(machine, Machine) else machine.machine
+    found = () if isinstance(machine, Machine) else springs(machine)  # a twin has found its springs
     q = believed.posture(posture)
     k, c = _springs(believed, found, stiffness or {}, damping or {})
     held = _locked(believed, locked, stiffness or {})
     free = np.array([j for j, name in enumerate(believed.names) if name not in held], dtype=np.intp)
-    M = mass_matrix(model, q[None])[0]
-    K = np.diag(k) + (_gravity_slope(model, q) if gravity else 0.0)
+    M = mass_matrix(machine.model, q[None])[0]
+    K = np.diag(k) + (_gravity_slope(machine.model, q) if gravity else 0.0)
     if not len(free):
         return Modes(believed.names, q, held, ())
     cut = np.ix_(free, free)
@@ -123,28 +124,21 @@ def _response(loop: LoopModel, output: str, s: complex) -> complex:
     return complex(np.polyval(num, s) / np.polyval(den, s))
 
 
-def _believed(machine: Machine | Twin) -> tuple[Machine, pin.Model, dict[str, tuple[float, float]]]:
-    """Return the machine, its model, and the stiffness and damping that a twin found."""
-    if isinstance(machine, Machine):
-        return machine, machine.model, {}
-    found = {spring.name: (spring.stiffness, spring.damping) for spring in springs(machine)}
-    return machine.machine, machine.model, found
-
-
 def _springs(
     machine: Machine,
-    found: Mapping[str, tuple[float, float]],
+    found: Sequence[PassiveSpring],
     stiffness: Mapping[str, float],
     damping: Mapping[str, float],
 ) -> tuple[Floats, Floats]:
     """Return stiffness and damping of every joint, (nv,) each."""
     for name in (*stiffness, *damping):
         require(name, machine.names, f"{machine.name}: no axis", MachineError)
+    known = {spring.name: (spring.stiffness, spring.damping) for spring in found}
     k, c = np.zeros(machine.nv), np.zeros(machine.nv)
     for j, name in enumerate(machine.names):
         part = machine.passive.get(name)
         nominal = (None, None) if part is None else (part.stiffness, part.damping)
-        own = found.get(name, nominal)
+        own = known.get(name, nominal)
         given = stiffness.get(name, own[0])
         if part is not None and given is None:
             raise MachineError(

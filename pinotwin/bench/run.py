@@ -24,11 +24,10 @@ from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.oracle import evidence
-from pinotwin.bench.produce import Sealed, healthy_twin, make_twin, produce
-from pinotwin.diagnosis import Diagnosis, diagnose
+from pinotwin.bench.produce import healthy_twin, make_twin, produce
+from pinotwin.diagnosis import diagnose
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.system.writing import held
-from pinotwin.twin import Twin
 
 Report = Callable[[str, float], None]
 
@@ -65,23 +64,18 @@ def answer(case: Case, plan: Plan) -> Answer:
     made = produce(case, seconds=plan.seconds)
     twin = healthy_twin(plan.twins, case.machine, case.twin) if case.situation == "change" else None
     ready = time.perf_counter()
-    found = blindly(made.sealed, twin, case, plan.quick)
+    found = diagnose(  # from what is not sealed: logs, and a machine or twin without its truth
+        twin or made.sealed.machine,
+        made.sealed.logs,
+        validate=made.sealed.validation,
+        quick=plan.quick,
+        leave_out=case.leave_out,
+        seed=case.seed % 7919,
+    )
     said = time.perf_counter()
     best = evidence(made, twin)
     spent = {"produce": ready - start, "diagnose": said - ready, "oracle": time.perf_counter() - said}
     return noted(case, found, made, spent, best)
-
-
-def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagnosis:
-    """Return the diagnosis from what is not sealed: logs, and a machine or twin without its truth."""
-    return diagnose(
-        twin or sealed.machine,
-        sealed.logs,
-        validate=sealed.validation,
-        quick=quick,
-        leave_out=case.leave_out,
-        seed=case.seed % 7919,
-    )
 
 
 def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -> list[Answer]:

@@ -21,8 +21,13 @@ def run(subjects: Several, *, log: str | None = None, out: Folder) -> Answer:
         log (LOG): servo log on which every twin is judged (without one: parameters alone)
         out (PATH): folder for compare.html and compare.json
     """
+    names = ("twin.json", "diagnosis.json")
     for subject in subjects:
-        _check(subject)
+        path = Path(subject)
+        if path.name not in names and not any((path / name).is_file() for name in names):
+            raise InputError(
+                f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
+            )
     from pinotwin.analysis.comparison import Comparison
     from pinotwin.analysis.diagnoses import compare
 
@@ -32,15 +37,6 @@ def run(subjects: Several, *, log: str | None = None, out: Folder) -> Answer:
     found.save(out)
     lines = moved_lines(found) if isinstance(found, Comparison) else [found.sentence]
     return Answer([*lines, f"written to {out}: compare.html, compare.json"], found.to_dict())
-
-
-def _check(subject: str) -> None:
-    """Refuse what is neither a twin nor a diagnosis."""
-    path, names = Path(subject), ("twin.json", "diagnosis.json")
-    if path.name not in names and not any((path / name).is_file() for name in names):
-        raise InputError(
-            f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
-        )
 
 
 def moved_lines(found: Comparison) -> list[str]:

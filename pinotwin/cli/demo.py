@@ -13,24 +13,23 @@ from typing import Any
 from pinotwin.cli.arguments import Answer, Folder
 from pinotwin.cli.output import say
 
+FAULT = "record trunnion --command {out}/log.csv --seed 9 --inject viscous:Y=0.5 --out {out}/worn.csv"
+REAL = "identify emps {emps} --out {out}/emps_twin"
 CHAIN = (
-    ("", "record trunnion --seconds 20 --seed 1 --out {out}/log.csv"),
-    ("", "record trunnion --seconds 10 --seed 2 --out {out}/unseen.csv"),
-    ("", "check trunnion {out}/log.csv"),
-    ("", "identify trunnion {out}/log.csv --validate {out}/unseen.csv --out {out}/twin"),
-    ("", "simulate {out}/twin {out}/unseen.csv --out {out}/predicted.csv"),
-    (
-        "a fault: more viscous friction on Y; the same command is run again",
-        "record trunnion --command {out}/log.csv --seed 9 --inject viscous:Y=0.5 --out {out}/worn.csv",
-    ),
-    ("", "diagnose {out}/twin {out}/worn.csv --out {out}/found"),
+    "record trunnion --seconds 20 --seed 1 --out {out}/log.csv",
+    "record trunnion --seconds 10 --seed 2 --out {out}/unseen.csv",
+    "check trunnion {out}/log.csv",
+    "identify trunnion {out}/log.csv --validate {out}/unseen.csv --out {out}/twin",
+    "simulate {out}/twin {out}/unseen.csv --out {out}/predicted.csv",
+    FAULT,
+    "diagnose {out}/twin {out}/worn.csv --out {out}/found",
 )
+TOLD = {FAULT: "a fault: more viscous friction on Y; the same command is run again", REAL: "a real drive"}
 PAGES = (
     ("twin/report.html", "how well the twin predicts, and every parameter"),
     ("found/machine.html", "the machine playing the worn log"),
     ("found/report.html", "the diagnosis"),
 )
-REAL = "identify emps {emps} --out {out}/emps_twin"
 
 
 def run(*, out: Folder = "out/demo") -> Answer:
@@ -61,16 +60,12 @@ def run(*, out: Folder = "out/demo") -> Answer:
 def _commands(out: Path) -> list[tuple[str, list[str]]]:
     """Return what each step shows, if it needs a word, and the command; the diagnosis last."""
     emps = Path(os.environ.get("PINOTWIN_DATA", "../shared/data")) / "emps" / "DATA_EMPS.mat"
-
-    def words(text: str) -> list[str]:
-        return [word.format(out=out, emps=emps) for word in text.split()]
-
-    chain = [(told, words(text)) for told, text in CHAIN]
+    chain = list(CHAIN)
     if emps.is_file():
-        chain.insert(5, ("a real drive", words(REAL)))
+        chain.insert(5, REAL)
     else:
         say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
-    return chain
+    return [(TOLD.get(step, ""), [x.format(out=out, emps=emps) for x in step.split()]) for step in chain]
 
 
 @contextmanager

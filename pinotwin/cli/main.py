@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from textwrap import fill
 from typing import Any
 
@@ -173,22 +173,14 @@ def _run(values: dict[str, Any]) -> int:
     file, effects = values.pop("json"), values.get("effects", ())
     if "effects" not in inspect.signature(command).parameters:
         values.pop("effects", None)
-    with _known(effects):
+    own = importlib.import_module("pinotwin.effects.known") if effects else None
+    with own.given_files(effects) if own else nullcontext():
         answer = command(**values)
         if file:
             write_json(file, answer.content)
         for line in answer.lines:
             say(line)
     return answer.code
-
-
-def _known(effects: Sequence[str]) -> AbstractContextManager[None]:
-    """Return the context in which the effects of ``--effects`` are known."""
-    if not effects:
-        return nullcontext()
-    from pinotwin.effects.known import given_files
-
-    return given_files(effects)
 
 
 def _complain(text: str) -> int:

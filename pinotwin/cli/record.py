@@ -91,12 +91,9 @@ def _imus(run: Recording, folder: Path, seed: int, asked: Iterable[tuple[str, st
 def _imu_links(folder: Path, files: Sequence[str], given: Sequence[str]) -> list[str]:
     from pinotwin.machine import Machine
 
-    if not files:
-        return []
-    stated = [imu.link for imu in Machine.load(folder).imus.values()]
+    stated = [imu.link for imu in Machine.load(folder).imus.values()] if files else []
     if not stated and len(given) < len(files):
         raise InputError(
             "--imu: machine.yaml has no `imus`; say which link carries the sensor with --imu-link"
         )
-    links = list(given[: len(files)])
-    return links + [stated[min(k, len(stated) - 1)] for k in range(len(links), len(files))]
+    return [*given[: len(files)], *(stated[min(k, len(stated) - 1)] for k in range(len(given), len(files)))]

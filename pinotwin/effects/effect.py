@@ -46,51 +46,31 @@ Need = Literal["model", "rigid", "mass"]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One linear coefficient of an effect.
+    """One linear coefficient of an effect."""
 
-    Attributes:
-        name: short name in the effect, e.g. ``"c"``.
-        unit: SI unit.
-        lower: smallest value that makes physical sense (0 for a dissipative coefficient).
-        upper: largest one.
-    """
-
-    name: str
-    unit: str
-    lower: float = -np.inf
-    upper: float = np.inf
+    name: str  # short name in the effect, e.g. ``"c"``
+    unit: str  # SI unit
+    lower: float = -np.inf  # smallest value that makes physical sense (0 for a dissipative coefficient)
+    upper: float = np.inf  # largest one
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One nonlinear parameter of an effect: searched, not solved.
+    """One nonlinear parameter of an effect: searched, not solved."""
 
-    Attributes:
-        name: the dataclass field of the effect that holds it.
-        unit: SI unit.
-        lower: lower bound of the search.
-        upper: upper bound of the search.
-        log: search on a logarithmic scale.
-    """
-
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    log: bool = True
+    name: str  # the dataclass field of the effect that holds it
+    unit: str  # SI unit
+    lower: float  # lower bound of the search
+    upper: float  # upper bound of the search
+    log: bool = True  # search on a logarithmic scale
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Regressor columns of one effect: nonzero only at the joints it acts on.
+    """Regressor columns of one effect: nonzero only at the joints it acts on."""
 
-    Attributes:
-        joints: indices of those joints in the model's velocity order, length k.
-        values: columns, shape (n, k, p).
-    """
-
-    joints: tuple[int, ...]
-    values: Floats
+    joints: tuple[int, ...]  # indices of those joints in the model's velocity order, length k
+    values: Floats  # columns, shape (n, k, p)
 
     def effort(self, theta: Floats, nv: int) -> Floats:
         """Return the effort at every joint of coefficients (p,), shape (n, nv), or of each of (p, m), (n, nv, m)."""
@@ -242,11 +222,7 @@ class Effect(abc.ABC):
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def channel(self, motion: Motion, name: Need) -> Floats:
-        """Return a channel of the motion that holds the model's effort, shape (n, nv); of the mass (n, nv, nv).
-
-        Raises:
-            DataError: the motion holds none.
-        """
+        """Return a channel of the model's effort, shape (n, nv), of the mass (n, nv, nv), or a DataError without it."""
         found: Floats | None = getattr(motion, name)
         if found is None:
             raise DataError(
@@ -303,18 +279,13 @@ class Effect(abc.ABC):
 
 @dataclass(frozen=True)
 class OneAxis(Effect):
-    """An effect that is listed under one axis.
+    """An effect that is listed under one axis."""
 
-    Attributes:
-        linear: its coefficients, in the order of the columns; F stands for the unit of the effort, x for that of
-            the position, I for that of an inertia.
-        axis: its name.
-        rotary: whether it is a rotation; a slide otherwise.
-    """
-
+    # its coefficients, in the order of the columns; F stands for the unit of the effort, x for that of the position,
+    # I for that of an inertia
     linear: ClassVar[tuple[Coefficient, ...]]
-    axis: str
-    rotary: bool = False
+    axis: str  # its name
+    rotary: bool = False  # whether it is a rotation; a slide otherwise
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
@@ -341,8 +312,7 @@ class Paired(OneAxis):
 
         tau_i = Ia a_j + b v_j + c sign(v_i + v_j),      tau_j the same with i and j exchanged
 
-    Attributes:
-        partner: the other axis (``with`` in YAML).
+    ``partner`` is the other axis (``with`` in YAML).
     """
 
     depends = "partner"

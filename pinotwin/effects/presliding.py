@@ -96,17 +96,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 @dataclass(frozen=True)
 class Presliding(Friction, AxisEffect):
-    """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
-
-    Attributes:
-        x_s: displacement over which friction turns round [m or rad]; searched.
-        spread: of the distances at which the elements slip, over their mean; searched where that pays.
-        v_s: speed at which the Stribeck part has fallen to 1/e [m/s or rad/s]; searched.
-        stribeck: number of Stribeck terms, 1 or 0.
-        exponent: of the Stribeck term, as in :class:`Stribeck`.
-        bristle: 1 for the terms m and d, 0 for slip elements alone.
-        play: of the bristle and the elements [m or rad]; the encoder's noise in the log where absent.
-    """
+    """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'."""
 
     name = "presliding"
     words = "the contact gives a little, like a spring, before it slides: seen at reversals"
@@ -118,13 +108,13 @@ class Presliding(Friction, AxisEffect):
     sharp = True
     depends = "displacement"
     uses_standstill = True
-    x_s: float = usual(1e-5, 5e-5)
-    v_s: float = 0.01
-    stribeck: int = 1
-    exponent: float = 1.0
-    bristle: int = 1
-    play: float | None = None
-    spread: float = EXPONENTIAL
+    x_s: float = usual(1e-5, 5e-5)  # displacement over which friction turns round [m or rad]; searched
+    v_s: float = 0.01  # speed at which the Stribeck part has fallen to 1/e [m/s or rad/s]; searched
+    stribeck: int = 1  # number of Stribeck terms, 1 or 0
+    exponent: float = 1.0  # of the Stribeck term, as in :class:`Stribeck`
+    bristle: int = 1  # 1 for the terms m and d, 0 for slip elements alone
+    play: float | None = None  # of bristle and elements [m or rad]; the encoder's noise where absent
+    spread: float = EXPONENTIAL  # of distances at which elements slip over their mean; searched where it pays
     free_spread: bool = field(default=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:

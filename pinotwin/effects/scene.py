@@ -68,11 +68,7 @@ def total_effort(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Fl
 
 
 def blocks(
-    motion: Motion,
-    effects: Sequence[Effect],
-    whole: Sequence[Columns | None],
-    rows: Ints,
-    block: int = 1 << 12,
+    motion: Motion, effects: Sequence[Effect], whole: Sequence[Columns | None], rows: Ints, block: int = 4096
 ) -> Iterator[tuple[slice, list[Columns]]]:
     """Yield blocks of ascending ``rows`` (m,) and the effects' columns there, of ``whole`` ones (m, ...) or formed."""
     for start in range(0, len(rows), block):

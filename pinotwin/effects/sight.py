@@ -15,8 +15,7 @@ from pinotwin.signals import roughness
 class Sight:
     """What one motion shows of one axis; SI."""
 
-    low: float  # lowest position [m or rad]
-    high: float  # highest position
+    travel: float  # of the axis [m or rad]
     noise: float  # standard deviation of the position's noise, quantisation included [m or rad]
     speed: Floats  # |v| of every row, shape (n,)
     forward: float  # share of the rows that move forward, of those that move
@@ -35,8 +34,7 @@ class Sight:
         speed = np.abs(own.v)
         side = np.sign(own.v[speed > 0.01 * speed.max(initial=0.0)])
         return cls(
-            low=float(own.q.min(initial=np.inf)),
-            high=float(own.q.max(initial=-np.inf)),
+            travel=float(np.ptp(own.q)) if len(own.q) else 0.0,
             noise=roughness(own.q[s] for s in own.segments),
             speed=speed,
             forward=float(np.mean(side > 0.0)) if len(side) else 0.5,
@@ -46,11 +44,6 @@ class Sight:
             duration=motion.step * max((s.stop - s.start for s in motion.segments), default=0),
             cutoff=motion.cutoff,
         )
-
-    @property
-    def travel(self) -> float:
-        """Travel of the axis [m or rad]."""
-        return max(self.high - self.low, 0.0)
 
     @property
     def top(self) -> float:

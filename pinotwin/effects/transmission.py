@@ -147,9 +147,8 @@ class _Flexible(OneAxis):
         own = inertia(self, motion, joint)
         itself = own * motion.a[:, joint]
         rest = self.channel(motion, "rigid")[:, joint] - itself
-        load = (
-            itself + rest / LOAD
-        )  # the spring carries all of gravity and coupling, of the inertia its share
+        # the spring carries all of gravity and coupling, of the inertia its share
+        load = itself + rest / LOAD
         ratio, w = _posture(own), 2.0 * np.pi * self.frequency
         out = np.zeros(len(load))
         for part in motion.segments:

@@ -144,17 +144,13 @@ def export_twin(
     if path.suffix != SUFFIX[format]:
         raise InputError(f"--out: {path.name}: a file of format {format} is named *{SUFFIX[format]}")
     inverse = inverse_of(twin, travel, speed)
-    files, notes = _made(twin, inverse, format, path.stem)
+    if format == "urdf":
+        files, notes = {path.name: urdf_text(twin)}, urdf_lines(twin, inverse)
+    elif format == "mjcf":
+        files, notes = mjcf_files(twin, inverse, path.stem)
+    else:
+        text = numpy_text if format == "numpy" else c_text
+        files, notes = {path.name: text(inverse, path.stem).encode()}, []
     for name, content in files.items():
         write_bytes(path.parent / name, content)
     return Export(format, files, inverse, tuple(dict.fromkeys([*left_out(inverse), *notes])))
-
-
-def _made(twin: Twin, inverse: Inverse, format: str, stem: str) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files by name, and what they leave out beside what the inverse model does."""
-    if format == "urdf":
-        return {f"{stem}.urdf": urdf_text(twin)}, urdf_lines(twin, inverse)
-    if format == "mjcf":
-        return mjcf_files(twin, inverse, stem)
-    text = numpy_text if format == "numpy" else c_text
-    return {f"{stem}{SUFFIX[format]}": text(inverse, stem).encode()}, []

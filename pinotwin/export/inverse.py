@@ -228,22 +228,6 @@ def literal(value: Any) -> str:
     return pformat(short, width=110, compact=True, sort_dicts=False)
 
 
-class _Curves:
-    """All curves of a machine in two arrays, each known by its number."""
-
-    def __init__(self) -> None:
-        self.x: list[float] = []
-        self.y: list[float] = []
-        self.first: list[int] = [0]
-
-    def add(self, x: Sequence[float], y: Sequence[float]) -> int:
-        """Return the number of a curve that is added."""
-        self.x += x
-        self.y += y
-        self.first.append(len(self.x))
-        return len(self.first) - 2
-
-
 def c_text(inverse: Inverse, stem: str) -> str:
     """Return the text of the C file; its functions begin with ``stem``."""
     template = asset("pinotwin.export", "inverse.c")
@@ -254,12 +238,20 @@ def c_text(inverse: Inverse, stem: str) -> str:
 
 
 def _data(data: dict[str, Any]) -> str:
-    curves = _Curves()
-    position = [(j, curves.add(x, y)) for j, x, y in data["position"]]
-    velocity = [(j, curves.add(x, y)) for j, x, y in data["velocity"]]
+    first, knots, values = [0], list[float](), list[float]()  # all curves, one after the other
+
+    def added(x: Sequence[float], y: Sequence[float]) -> int:
+        """Return the number of a curve that is added."""
+        knots.extend(x)
+        values.extend(y)
+        first.append(len(knots))
+        return len(first) - 2
+
+    position = [(j, added(x, y)) for j, x, y in data["position"]]
+    velocity = [(j, added(x, y)) for j, x, y in data["velocity"]]
     dry, slip, tied = data["dry"], data["slip"], data["coupled"]
-    sliding = [(r["joint"], r["partner"], curves.add(*r["plus"]), curves.add(*r["minus"])) for r in dry]
-    slipping = [(row["joint"], curves.add(*row["level"])) for row in slip]
+    sliding = [(r["joint"], r["partner"], added(*r["plus"]), added(*r["minus"])) for r in dry]
+    slipping = [(row["joint"], added(*row["level"])) for row in slip]
     joints, yields = data["joints"], len(slip[0]["yields"]) if slip else 6
     sizes = {"NV": len(data["names"]), "BODIES": len(joints)}
     sizes |= {f"N_{k.upper()}": len(data[k]) for k in ("position", "velocity", "dry", "slip", "coupled")}
@@ -267,7 +259,7 @@ def _data(data: dict[str, Any]) -> str:
     lists: dict[str, Any] = {key: data[key] for key in ("gravity", "armature", "viscous", "stiffness")}
     lists |= {key: [int(row[key]) for row in joints] for key in ("parent", "column", "rotary")}
     lists |= {"mass": [row["mass"] for row in joints], "slope": [row["slope"] for row in dry]}
-    lists |= {"first": curves.first, "knot": curves.x, "value": curves.y}
+    lists |= {"first": first, "knot": knots, "value": values}
     tables: dict[str, tuple[int, Any]] = {
         key: (len(joints[0][key]), [row[key] for row in joints])
         for key in ("axis", "rotation", "place", "centre", "inertia")
@@ -286,7 +278,7 @@ def _data(data: dict[str, Any]) -> str:
         [
             *(f"#define {name} {size}" for name, size in sizes.items()),
             f"static const char *const names[] = {{{names}}};",
-            *(_list(name, values) for name, values in lists.items()),
+            *(_list(name, row) for name, row in lists.items()),
             *(_table(name, rows, width) for name, (width, rows) in tables.items()),
         ]
     )

@@ -15,7 +15,7 @@ from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
 from pinotwin.identification.servo import PLANT, AxisProblem, Factors, Found, look, settle, shared
 from pinotwin.identification.servo.problem import skipped
-from pinotwin.identification.settings import USUAL, Settings, better
+from pinotwin.identification.settings import USUAL, Settings, Tell, better
 from pinotwin.log import Log
 from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
@@ -41,12 +41,7 @@ class Servos:
 
 
 def fit_servos(
-    plant: OpenLoop,
-    motion: Motion,
-    raw: Motion,
-    axes: Sequence[str],
-    tell: Callable[[str, float], None],
-    settings: Settings = USUAL,
+    plant: OpenLoop, motion: Motion, raw: Motion, axes: Sequence[str], tell: Tell, settings: Settings
 ) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion, from rows with nothing filtered.
 

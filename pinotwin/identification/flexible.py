@@ -24,7 +24,7 @@ from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.errors import DataError
 from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score
 from pinotwin.identification.loop_with_mass import tied, with_lag
-from pinotwin.identification.settings import USUAL, Settings, better
+from pinotwin.identification.settings import Settings, better
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop
@@ -33,7 +33,7 @@ KEY = "with_vibration"  # Where ``quality["loops"][axis]`` keeps the loop
 
 
 def tie_loops(
-    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings
 ) -> dict[str, tuple[LoopModel, dict[str, Any]]]:
     """Return the loops whose effort follows from the mass, where held-out data allow it, and each axis' quality row."""
     d = generalised_disturbance(plant, motion, plant.diagonal)
@@ -58,7 +58,7 @@ def tie_loops(
 
 
 def vibration_loops(
-    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings
 ) -> dict[str, Any]:
     """Return the loop with vibration of every axis on a passive joint, with its errors, or why there is none.
 
@@ -79,9 +79,7 @@ def vibration_loops(
     return out
 
 
-def vibration_data(
-    plant: OpenLoop, motion: Motion, axis: str, passive: str, settings: Settings = USUAL
-) -> LoopData:
+def vibration_data(plant: OpenLoop, motion: Motion, axis: str, passive: str, settings: Settings) -> LoopData:
     """Return inputs and outputs of an axis' loop with the vibration of a passive joint, counted from the ground."""
     i, p = motion.index(axis), motion.index(passive)
     d, M = generalised_disturbance(plant, motion, plant.diagonal), plant.diagonal["inertia"]

@@ -33,7 +33,6 @@ class Lead:
 
     seconds: float  # the time [s]; negative when the effort comes late
     error: float  # standard error [s]
-    share: float  # of the residual's power of the axis that it explains
     significant: bool  # whether the effort should be put back by it
 
 
@@ -84,7 +83,7 @@ def find_leads(
         share = 1.0 - float(np.sum(fit.residual[own] ** 2) / max(np.sum(before[own] ** 2), 1e-300))
         error = float(np.hypot(spread, finest * motion.step))
         significant = sure * error < abs(lead) < longest and share > worth
-        out[name] = Lead(float(lead), error, share, bool(significant))
+        out[name] = Lead(float(lead), error, bool(significant))
     return out
 
 

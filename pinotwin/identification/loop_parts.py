@@ -53,7 +53,9 @@ def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings
         raise DataError(f"{motion.source}: no command in the log")
     if not np.isfinite(motion.u[:, i]).any():
         raise DataError(f"{motion.source}: no effort of axis {name}")
-    data = LoopData.of_axis(motion, i, disturbance[:, i])
+    outputs = np.stack([motion.error[:, i], motion.u[:, i]], axis=1)
+    given = motion.step, motion.qr[:, i], disturbance[:, i], outputs, motion.segments
+    data = LoopData(*given, axis=name)
     data.require_motion()
     if data.rows <= settings.long:
         return data

@@ -139,7 +139,7 @@ class _Problem:
         self, modal: ModalStep, places: list[tuple[int, int]], s: slice
     ) -> tuple[Floats, Floats, Floats]:
         """Return weighted columns of the residues and of the unknown start, and the outputs."""
-        w = np.column_stack([self.data.d[s], self.data.velocity[s]])
+        w = np.column_stack([self.data.d[s], self.data.vr[s]])
         x = _states(modal, w, modal.equilibrium(w[0]))
         sections = [b for b in range(len(modal.A)) if modal.input[b] == 1]
         begun = np.zeros((len(modal.A), 2))

@@ -7,7 +7,7 @@ identified, so that the two can be compared and a gain can be changed afterwards
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from pinotwin.identification.coupled import (
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
 from pinotwin.identification.loop_parts import Loops, both_errors, errors, first_part, loop_data, score
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
-from pinotwin.identification.settings import USUAL, Settings, better
+from pinotwin.identification.settings import Settings, Tell, better
 from pinotwin.log import Log
 from pinotwin.logs.prepare import EvenLogs
 from pinotwin.logs.quality.axes import lost_motion
@@ -61,11 +61,7 @@ class ClosedLoops:
 
 
 def close_loops(
-    plant: OpenLoop,
-    motion: Motion,
-    even: EvenLogs,
-    tell: Callable[[str, float], None],
-    settings: Settings = USUAL,
+    plant: OpenLoop, motion: Motion, even: EvenLogs, tell: Tell, settings: Settings
 ) -> ClosedLoops:
     """Return the closed loops of a plant's axes, and the form to simulate them in.
 
@@ -189,11 +185,7 @@ def _linearised(
 
 
 def _black_boxes(
-    plant: OpenLoop,
-    motion: Motion,
-    axes: Sequence[str],
-    tell: Callable[[str, float], None],
-    settings: Settings,
+    plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Tell, settings: Settings
 ) -> ClosedLoops:
     """Return the free loops, with the vibration of passive joints and tied to the mass where there are such."""
     found = Loops(plant.effects, plant.theta.copy())
@@ -270,8 +262,7 @@ def _refined(
     settings: Settings,
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
     """Refine an axis' friction and position effects through its loop; None where held-out data object."""
-    deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
-    mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)
+    mine = axis_effects(plant, data.axis)
     if mine is None:
         return data, trial, None
     kept, before = mine, errors(data, trial, held_out=True)

@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
 from pinotwin.identification.judge import CrossValidated
-from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.settings import Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
 from pinotwin.solve.crossval import HeldOut
@@ -22,9 +22,7 @@ from pinotwin.twin.misfit import Misfit
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
 
-def misfit_of(
-    plant: OpenLoop, motion: Motion, known: CrossValidated, settings: Settings = USUAL
-) -> Misfit | None:
+def misfit_of(plant: OpenLoop, motion: Motion, known: CrossValidated, settings: Settings) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
     The parts are predicted by least squares on the others, moved by what physical consistency and the closed loop

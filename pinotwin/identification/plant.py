@@ -56,7 +56,7 @@ def fit_plant(machine: Machine, motion: Motion, settings: Settings = USUAL) -> P
 def standard_parameters(machine: Machine, effects: Sequence[Effect], theta: Floats) -> Floats:
     """Return the standard inertial parameters of coefficients (p,) that are nearest to the URDF's, shape (p_std,)."""
     P, pi0 = machine.base.P, parameters(machine.model)
-    return np.asarray(pi0 + np.linalg.pinv(P) @ (theta[_beta(effects)] - P @ pi0))
+    return np.asarray(pi0 + np.linalg.pinv(P) @ (theta[rigid_body_of(effects)[1]] - P @ pi0))
 
 
 def _settled(
@@ -90,7 +90,7 @@ def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | No
     """
     coefficients = [c for effect in effects for c in effect.coefficients()]
     mean = np.zeros(len(coefficients))
-    mean[_beta(effects)] = machine.base.from_standard(parameters(machine.model))
+    mean[rigid_body_of(effects)[1]] = machine.base.from_standard(parameters(machine.model))
     belief, alike = _belief(effects)
     return Options(
         prior=Prior(mean=mean),
@@ -123,10 +123,6 @@ def _belief(effects: Sequence[Effect]) -> tuple[Floats | None, Floats | None]:
             rows.append(own)
             alike.append(np.full(len(own), said[1]))
     return (np.concatenate(rows), np.concatenate(alike)) if rows else (None, None)
-
-
-def _beta(effects: Sequence[Effect]) -> slice:
-    return rigid_body_of(effects)[1]
 
 
 def _solve(
@@ -186,11 +182,8 @@ def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
 def parameter_table(plant: Plant) -> Parameters:
     """Return one row per coefficient and per searched shape."""
     rows: list[Parameter] = []
-    keys, shapes = (
-        effect_keys(plant.effects),
-        iter(zip(plant.shape_errors, plant.shape_at_bound, strict=True)),
-    )
-    for key, effect, where in zip(keys, plant.effects, effect_slices(plant.effects), strict=True):
+    shapes, effects = iter(zip(plant.shape_errors, plant.shape_at_bound, strict=True)), plant.effects
+    for key, effect, where in zip(effect_keys(effects), effects, effect_slices(effects), strict=True):
         rows += _linear_rows(key, effect, where, plant)
         seen = bool(np.any(np.abs(plant.theta[where]) > 0))
         for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):

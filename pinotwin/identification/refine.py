@@ -11,7 +11,7 @@ result is kept only if it pays on the part of the log that it did not see.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from pinotwin.loop import LoopData, LoopModel
 from pinotwin.loop.identify import slopes
 from pinotwin.motion import Motion
 from pinotwin.solve.sandwich import block_covariance
+from pinotwin.twin import OpenLoop
 
 
 @dataclass(frozen=True)
@@ -163,24 +164,17 @@ class _Through:
         """Return the outputs of the loop to a disturbance, with or without the command, shape (n, ny)."""
         data, out = self.data, np.zeros_like(self.data.outputs)
         for s in data.segments:
-            parts = (data.qr[s], data.velocity[s], data.acceleration[s])
+            parts = (data.qr[s], data.vr[s], data.ar[s])
             qr, vr, ar = parts if command else (np.zeros(s.stop - s.start),) * 3
             out[s] = self.model.simulate(qr, d[s], vr=vr, ar=ar)
         return out
 
 
-def axis_effects(
-    effects: Sequence[Effect],
-    slices: Sequence[slice],
-    theta: Floats,
-    errors: Floats,
-    axis: str,
-    most: int = 60,
-) -> AxisEffects | None:
+def axis_effects(plant: OpenLoop, axis: str, most: int = 60) -> AxisEffects | None:
     """Return what can be refined on an axis, shape (p,), or None; tables of over ``most`` columns stay as they are."""
     mine = [
         (effect, where)
-        for effect, where in zip(effects, slices, strict=True)
+        for effect, where in zip(plant.effects, plant.slices, strict=True)
         if effect.axis == axis
         and set(effect.causes) <= {"friction", "position"}
         and effect.refined_in_loop
@@ -194,7 +188,7 @@ def axis_effects(
         axis=axis,
         effects=tuple(effect for effect, _ in mine),
         where=tuple(where),
-        theta=theta[where],
-        error=errors[where],
+        theta=plant.theta[where],
+        error=np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))[where],
         lower=np.array(lower),
     )

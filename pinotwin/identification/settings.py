@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 T = TypeVar("T")
+Tell = Callable[[str, float], None]  # Takes a stage and the share of it done [0 to 1]
 
 
 @dataclass(frozen=True)

@@ -91,12 +91,7 @@ class _Told:
         return cls(motion, rows, problem, reduce(problem))
 
     def tuned(
-        self,
-        out: list[Effect],
-        tables: dict[int, PositionTable],
-        options: OptionsOf,
-        *,
-        passing: bool = False,
+        self, out: list[Effect], tables: dict[int, PositionTable], options: OptionsOf, passing: bool = False
     ) -> Solution:
         """Give tables, by their place among the effects, their likeliest priors; return the solution with them.
 

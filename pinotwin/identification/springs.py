@@ -20,7 +20,7 @@ import scipy
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.identification.bodies import bodies_of, body_rows
-from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.settings import Settings
 from pinotwin.motion import Motion
 from pinotwin.signals.filters import vibration_band
 from pinotwin.solve.bodies import Evidence, near
@@ -29,9 +29,7 @@ from pinotwin.twin import OpenLoop
 from pinotwin.twin.parameters import Parameters, verdict
 
 
-def find_springs(
-    plant: OpenLoop, motion: Motion, settings: Settings = USUAL
-) -> tuple[OpenLoop, dict[str, Any]]:
+def find_springs(plant: OpenLoop, motion: Motion, settings: Settings) -> tuple[OpenLoop, dict[str, Any]]:
     """Return the plant with springs of moving passive joints; RMS of what each leaves and of its torque [N·m or N]."""
     rows: dict[str, Any] = {}
     for joint in plant.machine.passive:

@@ -24,8 +24,6 @@ class RotationFit:
 
     R: Floats  # the rotation, (3, 3), determinant +1
     cov: Floats  # covariance of the small rotation vector e in R_true = exp(e) R [rad²], (3, 3)
-    residual: float  # RMS of y - R x, in its unit
-    spread: float  # second singular value of the excitation over the first, in [0, 1]
     gravity: bool = False  # whether gravity had to serve as a second direction
 
     @property
@@ -58,17 +56,16 @@ def fit_rotation(
             f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align "
             "an IMU; move a rotary axis in the log"
         )
-    ratio, helped = float(values[1] / values[0]), False
-    if ratio < spread:
+    helped = bool(values[1] / values[0] < spread)
+    if helped:
         x, y = _with_gravity(x, y, gravity, spread)
-        helped = True
     R = Rotation.align_vectors(y, x)[0].as_matrix()
     turned = x @ R.T
     e = y - turned
     J = rot.skew(turned)  # d y / d e = -[R x]; rows of every sample
     information = np.einsum("nki,nkj->ij", J, J)
     cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, lag)
-    return RotationFit(R, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), ratio, helped)
+    return RotationFit(R, cov, helped)
 
 
 def _with_gravity(
@@ -112,4 +109,4 @@ def mounting_from_rates(
         dx = np.linalg.solve(A, np.einsum("nki,nk->i", J, e) - prior * np.r_[np.zeros(3), s, b])
         R, s, b = rot.to_matrix(rot.exp(dx[:3])) @ R, s + dx[3:6], b + dx[6:]
     cov = sandwich(np.einsum("nki,nk->ni", J, e), A, 100)[:3, :3]
-    return RotationFit(R, cov, float(np.sqrt(3.0 * np.mean(e**2))), fit.spread)
+    return RotationFit(R, cov)

@@ -30,7 +30,6 @@ class ClockSegment:
     pivot: float  # a stamp within it [s]
     at_pivot: float  # reference time there [s]
     se: float  # its standard error [s]
-    correlation: float  # of the two rates' magnitudes [-]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,6 @@ class ClockFit:
     skew: float  # relative rate deviation [-]
     se_skew: float  # standard error of the skew [-]
     segments: tuple[ClockSegment, ...] = field(repr=False)  # the stretches that could be placed, in order
-    residual: float  # RMS of the rate left over [rad/s]
     size: int  # number of IMU samples
 
     @property
@@ -94,27 +92,26 @@ def sync(
     s = SyncSettings() if settings is None else settings
     t_ref, r, t_imu, y = _checked(t_ref, rate_ref, t_imu, rate_imu, s)
     step = float(np.median(np.diff(t_imu)))
-    vector = r.shape[1] == 3 and y.shape[1] == 3
     parts = [rows for rows in joined(t_imu) if rows.stop - rows.start >= s.least]
     found = [(rows, _coarse(t_ref, r, t_imu[rows], y[rows], step, s)) for rows in parts]
-    placed = [(rows, *at) for rows, at in found if at is not None]
+    placed = [(rows, shift) for rows, shift in found if shift is not None]
     if not placed:
         raise DataError(
             "the IMU's angular rate does not match the encoders' anywhere (no common rotation); "
             "check that both logs are of the same run and that the IMU sits on a rotating link"
         )
-    if not vector:
+    if 1 in (r.shape[1], y.shape[1]):
         r, y = (np.linalg.norm(x, axis=1, keepdims=True) for x in (r, y))
-    pivots, x, cov, residual = _fine(t_ref, r, t_imu, y, placed, s)
+    pivots, x, cov = _fine(t_ref, r, t_imu, y, placed, s)
     wider = _fine(t_ref, r, t_imu, y, placed, replace(s, smoothing=1.5 * s.smoothing))[1]
     # What a stronger low-pass changes is added to the standard errors.
     se = np.sqrt(np.maximum(np.diag(cov), 0.0) + (2.0 * (x - wider)) ** 2)
     se[:-1] = np.hypot(se[:-1], s.delay_sd)
     segments = tuple(
-        ClockSegment(c[0], float(p), float(at), float(e), float(c[2]))
-        for c, p, at, e in zip(placed, pivots, x, se, strict=False)
+        ClockSegment(rows, float(p), float(at), float(e))
+        for (rows, _), p, at, e in zip(placed, pivots, x, se, strict=False)
     )
-    return ClockFit(float(x[-1]), float(se[-1]), segments, residual, len(t_imu))
+    return ClockFit(float(x[-1]), float(se[-1]), segments, len(t_imu))
 
 
 def _checked(
@@ -139,18 +136,14 @@ def _checked(
     return t_ref, r, t_imu, y
 
 
-def _coarse(
-    t_ref: Floats, r: Floats, t: Floats, y: Floats, step: float, s: SyncSettings
-) -> tuple[float, float] | None:
-    """Return t_ref - t_imu and the correlation coefficient, or None where nothing agrees."""
+def _coarse(t_ref: Floats, r: Floats, t: Floats, y: Floats, step: float, s: SyncSettings) -> float | None:
+    """Return t_ref - t_imu, or None where nothing agrees."""
     a = np.interp(np.arange(t_ref[0], t_ref[-1], step), t_ref, np.linalg.norm(r, axis=1))
     b = np.interp(np.arange(t[0], t[-1], step), t, np.linalg.norm(y, axis=1))
     if np.std(b) < s.minimum:
         return None
     lag, score = best_lag(a, b)
-    if score < s.agreement:
-        return None
-    return float(t_ref[0] - t[0] + lag * step), score
+    return float(t_ref[0] - t[0] + lag * step) if score >= s.agreement else None
 
 
 def best_lag(a: Floats, b: Floats) -> tuple[float, float]:
@@ -192,16 +185,16 @@ def _fine(
     r: Floats,
     t_imu: Floats,
     y: Floats,
-    placed: list[tuple[slice, float, float]],
+    placed: list[tuple[slice, float]],
     s: SyncSettings,
-) -> tuple[Floats, Floats, Floats, float]:
-    """Return pivots, t_ref there, skew, their covariance, and the RMS residual, by Gauss-Newton with linear gains."""
+) -> tuple[Floats, Floats, Floats]:
+    """Return pivots, t_ref there and skew, and their covariance, by Gauss-Newton with linear gains."""
     grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)
     spline = CubicSpline(grid, smooth)
-    parts = [_smoothed(t_imu[rows], y[rows], s.smoothing) for rows, _, _ in placed]
+    parts = [_smoothed(t_imu[rows], y[rows], s.smoothing) for rows, _ in placed]
     pivots = np.array([0.5 * (p[0][0] + p[0][-1]) for p in parts])
     # a filter's delay makes a sample show the past: compare at t_ref - delay
-    x = np.array([pivot + c[1] for pivot, c in zip(pivots, placed, strict=True)] + [0.0])
+    x = np.array([pivot + shift for pivot, (_, shift) in zip(pivots, placed, strict=True)] + [0.0])
     for _ in range(12):
         J, e, scores = _linearised(spline, grid, parts, pivots, x, s)
         precision = np.zeros(len(x))
@@ -212,7 +205,7 @@ def _fine(
         if np.max(np.abs(dx)) < 1e-9:
             break
     lag = max(1, round(max(0.25, 4.0 * s.smoothing) / float(np.median(np.diff(t_imu)))))
-    return pivots, x, sandwich(scores, A, lag), float(np.sqrt(np.mean(e**2)))
+    return pivots, x, sandwich(scores, A, lag)
 
 
 def _linearised(

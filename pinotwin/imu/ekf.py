@@ -66,10 +66,8 @@ def transition(x, gyr, h):  # type: ignore[no-untyped-def]
         ]
     )
     D = np.empty((4, 3))  # d exp / d phi
-    for j in range(3):
-        D[0, j] = -0.5 * s * phi[j]
-        for i in range(3):
-            D[i + 1, j] = ds * phi[i] * phi[j] + (s if i == j else 0.0)
+    D[0] = -0.5 * s * phi
+    D[1:] = np.outer(ds * phi, phi) + s * np.eye(3)
     F[:4, :4] = right
     F[:4, 4:7] = -h * (left @ D)
     y = x.copy()
@@ -102,8 +100,7 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
             P = F @ P @ F.T
             B = np.ascontiguousarray(F[:4, 4:7])
             P[:4, :4] += (noise[0] / h) * (B @ B.T)
-            for i in range(3):
-                P[4 + i, 4 + i] += noise[1] * h
+            P[4:, 4:] += noise[1] * h * np.eye(3)
         xp[k], Pp[k] = x, P
         near = abs(np.sqrt(acc[k] @ acc[k]) - s[2]) < s[1]
         run = run + 1 if near else 0

@@ -34,15 +34,14 @@ class Remainder:
     t: Floats  # reference time [s], (m,)
     x: Floats  # e, e', e'' [rad, rad/s, rad/s²], (m, 3)
     sd: Floats  # their standard deviations, (m, 3)
-    force: float  # standard deviation of the unknown force [rad/s²]
     seen_t: Floats  # reference times of the samples themselves [s], (k,)
     seen_rate: Floats  # what the fitted model leaves of the gyro, in the link frame [rad/s], (k, 3)
 
 
 def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener) -> Remainder:
     """Return the smoothed remainder of one run for fitted parameters."""
-    seen_t, seen_rate, *seen = _observations(m, theta, lay, R_ST, whitener)
-    t, z, C, r = _filled(m.interval, seen_t, *seen)
+    seen_t, seen_rate, z, C, r = _observations(m, theta, lay, R_ST, whitener)
+    t, z, r = _filled(m.interval, seen_t, z, r)
     wn, zeta = np.exp(theta[lay["mode"]])
     sizes = wn**2 * np.geomspace(1e-8, 3e-4, 11)
     scores = [_model(len(t), m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
@@ -51,7 +50,7 @@ def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: W
     out = np.zeros((3, 4))
     out[0, 0], out[1, 1], out[2, :3] = 1.0, 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0]
     var = np.einsum("ai,nij,aj->na", out, P, out)
-    return Remainder(t, x @ out.T, np.sqrt(np.maximum(var, 0.0)), best, seen_t, seen_rate)
+    return Remainder(t, x @ out.T, np.sqrt(np.maximum(var, 0.0)), seen_t, seen_rate)
 
 
 def _observations(
@@ -83,22 +82,19 @@ def _observations(
 
 def _variance(whitener: Whitener) -> Floats:
     """Return the variance of each channel's noise: innovations through the autoregression."""
-    impulse = np.zeros(400)
-    impulse[0] = 1.0
+    impulse = np.eye(1, 400)[0]
     gains = [np.sum(lfilter([1.0], taps, impulse) ** 2) for taps in whitener.taps]
     return whitener.sigma**2 * np.array(gains)
 
 
-def _filled(
-    interval: float, t: Floats, z: Floats, C: Floats, r: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _filled(interval: float, t: Floats, z: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the same on an unbroken clock: the variance of missing samples is infinite, the smoother bridges them."""
     at = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(t) / interval)))]).astype(int)
     n = at[-1] + 1
     times = np.interp(np.arange(n), at, t)
     full, variance = np.zeros((n, z.shape[1])), np.full((n, z.shape[1]), np.inf)
     full[at], variance[at] = z, r
-    return times, full, C, variance
+    return times, full, variance
 
 
 def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floats) -> LinearModel:

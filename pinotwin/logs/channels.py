@@ -67,8 +67,7 @@ def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slic
         clock(log.t)
     except DataError as error:
         raise LogError(f"{log.source}: t: {error}") from None
-    used = [log[name] for name in _used(machine, log)]
-    good = np.all(np.isfinite(used), axis=0)
+    good = np.all(np.isfinite([log[name] for name in _used(machine, log)]), axis=0)
     out = [s for s in segments(log.t, valid=good) if s.stop - s.start >= shortest]
     if not out:
         raise DataError(f"{log.source}: {_why_none(machine, log, good, shortest)}")

@@ -119,24 +119,20 @@ def check(machine: MachineLike, log: LogLike | None = None, *, settings: Setting
             findings.append(finding("unusable", why=str(error)))
     known = set() if excited is None else set(excited.determined)
     determined = {} if excited is None else {label: label in known for label in machine.base.labels}
-    order = {"error": 0, "warning": 1, "info": 2}
-    findings = sorted(_causes(findings), key=lambda f: order[f.severity])
+    findings = sorted(_causes(findings), key=lambda f: ("error", "warning", "info").index(f.severity))
     return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
 def _causes(findings: Sequence[Finding]) -> list[Finding]:
     """Return findings without those that only follow from another one."""
-    told = {
-        (axis, code)
-        for f in findings
-        for axis in f.axis.split(", ")
-        for code in _CONSEQUENCES.get(f.code, ())
-    }
-    return [
-        f
-        for f in findings
-        if ("", f.code) not in told and not all((axis, f.code) in told for axis in f.axis.split(", "))
-    ]
+    told: set[tuple[str, str]] = set()
+    for f in findings:
+        told |= {(axis, code) for axis in f.axis.split(", ") for code in _CONSEQUENCES.get(f.code, ())}
+
+    def follows(f: Finding) -> bool:
+        return ("", f.code) in told or all((axis, f.code) in told for axis in f.axis.split(", "))
+
+    return [f for f in findings if not follows(f)]
 
 
 def machine_findings(machine: Machine) -> list[Finding]:

@@ -203,13 +203,10 @@ def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:
     if len(at) == len(grid) and np.array_equal(at, grid):
         return x
     good = np.isfinite(x)
+    known = at[good], x[good]
     if good.sum() < 4:
-        return np.full(len(grid), np.nan) if not good.any() else np.interp(grid, at[good], x[good])
-    new = (
-        scipy.interpolate.CubicSpline(at[good], x[good])(grid)
-        if smooth
-        else np.interp(grid, at[good], x[good])
-    )
+        return np.interp(grid, *known) if good.any() else np.full(len(grid), np.nan)
+    new = scipy.interpolate.CubicSpline(*known)(grid) if smooth else np.interp(grid, *known)
     if not good.all():
         hole: Mask = np.interp(grid, at, (~good).astype(float)) > 0.0
         new[hole] = np.nan

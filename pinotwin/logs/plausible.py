@@ -38,10 +38,10 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
 
-_WORDS = {
-    "effort": "exchanged efforts of {0}",
-    "position": "exchanged positions of {0}",
-    "sign": "a position that runs the other way of {0}",
+_WRONG = {  # what is wrong -> signal, code of its finding, and its words
+    "effort": ("u", "effort_exchanged", "exchanged efforts of {0}"),
+    "position": ("q", "position_exchanged", "exchanged positions of {0}"),
+    "sign": ("q", "position_sign", "a position that runs the other way of {0}"),
 }
 
 
@@ -92,7 +92,7 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined, most: int = 12) 
         if untold(motion, machine.axes[axis.name].index, efforts.at.settings):
             of.setdefault("a command of {0} that is 20 ms late", []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
-        of.setdefault(_WORDS[what], []).append(" and ".join(who))
+        of.setdefault(_WRONG[what][2], []).append(" and ".join(who))
     said = "; ".join(words.format(", ".join(who)) for words, who in of.items())
     return [finding("not_told", what=said)] if of else []
 
@@ -111,13 +111,6 @@ def _of_effort(axis: Explained, step: float, lag: float = 0.02, unit: float = 9.
     hangs = low > 0.1 * high or high < 0.1 * low
     if not hangs and not is_unsigned(replace(axis, u=np.abs(axis.u)), np.abs(axis.u)):
         yield "a missing effort sign on {0}"
-
-
-_CODES = {  # what was found -> signal, code
-    "effort": ("u", "effort_exchanged"),
-    "position": ("q", "position_exchanged"),
-    "sign": ("q", "position_sign"),
-}
 
 
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
@@ -143,7 +136,7 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
     for (what, *names), ratio in sorted(ratios.items(), key=lambda item: item[1]):
         if ratio < limit.closer and not done & set(names):
             done |= set(names)
-            signal, code = _CODES[what]
+            signal, code, _ = _WRONG[what]
             yield finding(code, ", ".join(f"{n}.{signal}" for n in names), a=names[0], b=names[-1])
 
 
@@ -155,7 +148,6 @@ def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> I
     limit, of = at.settings, {axis.name: axis for axis in explained(machine, u, at)}
     own = {name: axis.left for name, axis in of.items()}
     place = {name: machine.axes[name].index for name in own}
-
     tried = [name for name in own if name in sound]
     for a, b in combinations(tried, 2):
         other = at.exchanged(place[a], place[b])

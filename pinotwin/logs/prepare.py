@@ -371,9 +371,7 @@ def _fast_enough(machine: Machine, v: Floats, a: Floats) -> Mask:
 def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
     """Return which joints move at all, shape (nv,): an encoder's noise at rest is no motion."""
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    rows = np.r_[*parts]
-    inside = log.with_channels({name: x[rows] for name, x in log.channels.items()})
-    table, _ = inspect_axes(inside, rotary, None)
+    table, _ = inspect_axes(log.rows(np.r_[*parts]), rotary, None)
     still = [name for name in machine.axes if name not in table or not table[name].moves]
     return np.array([name not in still for name in machine.names])
 

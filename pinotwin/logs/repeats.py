@@ -58,12 +58,9 @@ def _shift(x: Floats, y: Floats, reach: int, most: int = 2000) -> int:
     if n < 50:
         return 0
     rows = reach + np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))
-    best, least = 0, np.inf
+    best = 0
     for width in (max(1, reach // 25), 1):  # coarse, then fine around it
-        for s in range(best - 25 * width, best + 25 * width + 1, width):
-            if abs(s) <= reach:
-                away = float(np.mean((x[rows + s] - y[rows]) ** 2))
-                if away < least:
-                    best_now, least = s, away
-        best = best_now
+        near = range(best - 25 * width, best + 25 * width + 1, width)
+        shifts = [best, *(s for s in near if abs(s) <= reach)]
+        best = min(shifts, key=lambda s: float(np.mean((x[rows + s] - y[rows]) ** 2)))
     return best

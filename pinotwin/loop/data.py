@@ -7,7 +7,7 @@ discretisation needs it said; where the log has no velocity of the command it co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -15,7 +15,6 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -28,27 +27,23 @@ class LoopData:
     outputs: Floats  # shape (n, ny): tracking error, motor effort, and then any structural velocity
     # stretches of unbroken sampling; the state at the start of each is unknown
     segments: tuple[slice, ...] = ()
-    vr: Floats | None = None  # velocity of the command; by spline from ``qr`` where absent
-    ar: Floats | None = None  # acceleration of the command; likewise
+    vr: Floats = field(default=None)  # type: ignore[arg-type]  # velocity of the command; by spline where absent
+    ar: Floats = field(default=None)  # type: ignore[arg-type]  # acceleration of the command; likewise
     axis: str = "axis"  # name of the axis, for messages and signal names
     output_names: tuple[str, ...] = ("e", "u")  # names of the outputs
     disturbance_names: tuple[str, ...] = ("d",)  # names of the disturbances
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        qr = np.asarray(self.qr, dtype=float).ravel()
-        n = len(qr)
-        put(self, "qr", qr)
-        put(self, "d", _columns(self.d, n, f"{self.axis}: disturbance"))
-        put(self, "outputs", _columns(self.outputs, n, f"{self.axis}: outputs"))
-        put(self, "segments", tuple(self.segments) or (slice(0, n),))
+        put(self, "qr", np.asarray(self.qr, dtype=float))
+        for name in ("d", "outputs"):
+            x = np.asarray(getattr(self, name), dtype=float)
+            put(self, name, x[:, None] if x.ndim == 1 else x)
+        put(self, "segments", tuple(self.segments) or (slice(0, len(self.qr)),))
         put(self, "output_names", _names(self.output_names, self.outputs.shape[1], "v"))
         put(self, "disturbance_names", _names(self.disturbance_names, self.d.shape[1], "d"))
-        if not self.step > 0:
-            raise DataError(f"{self.axis}: sampling interval {self.step} s, expected a positive one")
-        velocity, acceleration = _rates(self)
-        put(self, "vr", velocity)
-        put(self, "ar", acceleration)
+        for name, x in zip(("vr", "ar"), _rates(self), strict=True):
+            put(self, name, x)
         for name in ("qr", "d", "vr", "ar", "outputs"):
             if not all(np.isfinite(getattr(self, name)[s]).all() for s in self.segments):
                 raise DataError(
@@ -56,39 +51,10 @@ class LoopData:
                     "split the segments around the gap"
                 )
 
-    def __len__(self) -> int:
-        return len(self.qr)
-
-    @property
-    def velocity(self) -> Floats:
-        """Velocity of the command, shape (n,)."""
-        assert self.vr is not None
-        return self.vr
-
-    @property
-    def acceleration(self) -> Floats:
-        """Acceleration of the command, shape (n,)."""
-        assert self.ar is not None
-        return self.ar
-
     @property
     def rows(self) -> int:
         """Number of samples inside the segments."""
         return sum(s.stop - s.start for s in self.segments)
-
-    @classmethod
-    def of_axis(cls, motion: Motion, joint: int, d: Floats) -> Self:
-        """Return the loop of one axis of a prepared log: its command, e and u, and a disturbance (n,)."""
-        if motion.qr is None:
-            raise DataError(f"{motion.source}: no command in the log")
-        return cls(
-            step=motion.step,
-            qr=motion.qr[:, joint],
-            d=d,
-            outputs=np.stack([motion.error[:, joint], motion.u[:, joint]], axis=1),
-            segments=motion.segments,
-            axis=motion.names[joint],
-        )
 
     def within(self, segments: Sequence[slice]) -> Self:
         """Return the same channels with other segments."""
@@ -102,7 +68,7 @@ class LoopData:
                 "are needed to identify the loop; give a longer log"
             )
         inside = np.r_[*self.segments]
-        if np.ptp(self.velocity[inside]) <= 1e-12:
+        if np.ptp(self.vr[inside]) <= 1e-12:
             raise DataError(
                 f"{self.axis}: the command never moves in this log, so its loop cannot be "
                 "identified; give a log in which the axis moves"
@@ -135,26 +101,13 @@ def rates(qr: Floats, step: float, vr: Floats | None, ar: Floats | None) -> tupl
 
 
 def _rates(data: LoopData) -> tuple[Floats, Floats]:
-    n = len(data.qr)
-    vr, ar = (None if x is None else np.asarray(x, dtype=float).ravel() for x in (data.vr, data.ar))
-    for name, x in (("vr", vr), ("ar", ar)):
-        if x is not None and len(x) != n:
-            raise DataError(f"{data.axis}: {name} has {len(x)} samples, the command has {n}")
-    if vr is not None and ar is not None:
-        return vr, ar
-    velocity, acceleration = np.zeros(n), np.zeros(n)
+    if data.vr is not None and data.ar is not None:
+        return np.asarray(data.vr, dtype=float), np.asarray(data.ar, dtype=float)
+    velocity, acceleration = np.zeros((2, len(data.qr)))
     for s in data.segments:
-        given = (None if x is None else x[s] for x in (vr, ar))
+        given = (None if x is None else np.asarray(x, dtype=float)[s] for x in (data.vr, data.ar))
         velocity[s], acceleration[s] = rates(data.qr[s], data.step, *given)
-    return velocity, acceleration if ar is None else ar
-
-
-def _columns(values: Floats, n: int, what: str) -> Floats:
-    x = np.asarray(values, dtype=float)
-    x = x[:, None] if x.ndim == 1 else x
-    if x.ndim != 2 or len(x) != n:
-        raise DataError(f"{what} has shape {x.shape}, expected ({n}, k) like the command")
-    return x
+    return velocity, acceleration
 
 
 def _names(names: tuple[str, ...], count: int, stem: str) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.loop.sections import continuous, derivatives
 from pinotwin.loop.structure import Channel, Section, Structure
 
@@ -206,17 +206,10 @@ def usual_bounds(name: str, step: float) -> tuple[float, float]:
 
 
 def _parameters(sections: Sequence[Section], step: float, bounds: Bounds) -> tuple[Parameter, ...]:
-    found = []
-    for s, section in enumerate(sections):
-        if not section.free:
-            continue
-        found.append((section.name, s, 0))
-        if section.order == 2 and not section.feedforward:
-            found.append((section.name.replace("wn", "zeta"), s, 1))
+    found = [(n, s, k) for s, part in enumerate(sections) if part.free for k, n in enumerate(part.names)]
     names = [name for name, _, _ in found]
     for name, (low, high) in bounds.items():
-        if name not in names:
-            raise InputError(f"bounds: no searched parameter {name!r}; {nearest(name, names)}")
+        require(name, names, "bounds: no searched parameter", InputError)
         if not 0 < low < high:
             raise InputError(f"bounds of {name}: ({low}, {high}); expected 0 < lower < upper")
         if not name.startswith("zeta") and low >= 0.5 / step:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, TwinError, nearest
+from pinotwin.errors import DataError, TwinError, nearest, require
 from pinotwin.loop.data import rates
 from pinotwin.loop.layout import Layout, lay_out
 from pinotwin.loop.sections import ModalStep, continuous, discretise
@@ -33,15 +33,6 @@ class ParameterFit:
     error: float | None  # standard error of the logarithm; None at a bound
     interval: tuple[float, float] | None  # 95 % interval; None at a bound
     at_bound: str | None  # ``"lower"``, ``"upper"`` or None
-
-    def row(self) -> dict[str, Any]:
-        """Return the cells of a pole table beside name, value and unit."""
-        return {
-            "lower": self.bounds[0],
-            "upper": self.bounds[1],
-            "interval": self.interval,
-            "at_bound": self.at_bound,
-        }
 
 
 @dataclass(frozen=True)
@@ -97,11 +88,6 @@ class LoopModel:
         return lay_out(self.structure, self.step, (len(self.disturbances), len(self.outputs)))
 
     @property
-    def real_poles(self) -> tuple[float, ...]:
-        """Values p of the factors s + p of plant and feedback [rad/s]."""
-        return tuple(s.values[0] for s in self.sections if s.order == 1 and not s.feedforward)
-
-    @property
     def pole_pairs(self) -> tuple[tuple[float, float], ...]:
         """Pairs (wn [rad/s], zeta [-]) of plant and feedback."""
         pairs = (s.values for s in self.sections if s.order == 2 and not s.feedforward)
@@ -119,8 +105,9 @@ class LoopModel:
 
     def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
         """Return numerator and denominator, highest power of s first, with the zeros that the structure demands."""
-        places = self._place(output, self.outputs, "output"), self._place(input, self.inputs, "input")
-        return _fraction(self, *places)
+        require(output, self.outputs, f"{self.axis}: no output", DataError)
+        require(input, self.inputs, f"{self.axis}: no input", DataError)
+        return _fraction(self, self.outputs.index(output), self.inputs.index(input))
 
     def transfer(self, output: str, input: str) -> control.TransferFunction:
         """Return the transfer function from ``input`` to ``output`` as a python-control system."""
@@ -194,7 +181,7 @@ class LoopModel:
         D[:, -1] = self.residues[:, -2]
         driven = np.array([slot.input for slot in layout.slots], dtype=np.intp)
         A, B0, B1 = parts.A[index, 0], parts.B[index, 0, 0], parts.B[index, 1, 0]
-        return ModalStep(h, driven, A, B0, B1, C, D, self.residues[:, -1].copy(), rate, drive)
+        return ModalStep(driven, A, B0, B1, C, D, self.residues[:, -1].copy(), rate, drive)
 
     def simulate(
         self,
@@ -226,11 +213,6 @@ class LoopModel:
         modal.respond(w, x, modal.C, out)
         return out
 
-    def _place(self, name: str, known: Sequence[str], what: str) -> int:
-        if name not in known:
-            raise DataError(f"{self.axis}: no {what} {name!r}; {nearest(name, known)}")
-        return list(known).index(name)
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; :meth:`from_dict` restores them exactly."""
         return {**asdict(self), "residues": self.residues.tolist()}
@@ -257,10 +239,7 @@ class LoopModel:
         rows = []
         found = {} if self.fit is None else {p.name: p for p in self.fit.parameters}
         for section in self.sections:
-            names = [section.name]
-            if section.order == 2 and not section.feedforward:
-                names.append(section.name.replace("wn", "zeta"))
-            for name, value in zip(names, section.values, strict=False):
+            for name, value in zip(section.names, section.values, strict=False):
                 hertz = not name.startswith("zeta")
                 row: dict[str, Any] = {
                     "name": name,
@@ -268,8 +247,9 @@ class LoopModel:
                     "unit": "Hz" if hertz else "-",
                     "preassigned": not section.free,
                 }
-                if name in found:
-                    row.update(found[name].row())
+                if (p := found.get(name)) is not None:
+                    row |= {"lower": p.bounds[0], "upper": p.bounds[1]}
+                    row |= {"interval": p.interval, "at_bound": p.at_bound}
                 rows.append(row)
         return tuple(rows)
 

@@ -13,9 +13,8 @@ triangular factor: a few dozen rows whatever the length of the log, and nothing 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -55,8 +54,8 @@ class Scales:
             size = np.sqrt(np.mean(x[rows] ** 2, axis=0))
             return np.where(size > 0, size, 1.0)
 
-        inputs = np.append(rms(data.d), rms(data.velocity))
-        return cls(inputs, float(rms(data.acceleration)), rms(data.outputs))
+        inputs = np.append(rms(data.d), rms(data.vr))
+        return cls(inputs, float(rms(data.ar)), rms(data.outputs))
 
     def residue_units(self, layout: Layout) -> Floats:
         """Return the factor from scaled to SI residues, shape (ny, nc)."""
@@ -76,27 +75,16 @@ class Projection:
         self.layout = layout
         self.scales = scales
         self.step = data.step
-        self.inputs = np.ascontiguousarray(
-            np.column_stack([data.d, data.velocity]).T / scales.inputs[:, None]
-        )
-        self.direct = np.stack([data.velocity / scales.inputs[-1], data.acceleration / scales.acceleration])
+        self.inputs = np.ascontiguousarray(np.column_stack([data.d, data.vr]).T / scales.inputs[:, None])
+        self.direct = np.stack([data.vr / scales.inputs[-1], data.ar / scales.acceleration])
         self.outputs = np.ascontiguousarray((data.outputs / scales.outputs).T)
-        self.segments = data.segments
-
-    @cached_property
-    def blocks(self) -> Ints:
-        """Start, stop and whether a segment begins, shape (m, 3)."""
+        self.segments, self.columns = data.segments, _Columns(layout)
         found = [
             (k, min(k + BLOCK, s.stop), int(k == s.start))
             for s in self.segments
             for k in range(s.start, s.stop, BLOCK)
         ]
-        return np.array(found, dtype=np.intp)
-
-    @cached_property
-    def columns(self) -> _Columns:
-        """Places of the columns."""
-        return _Columns(self.layout)
+        self.blocks = np.array(found, dtype=np.intp)  # start, stop and whether a segment begins, shape (m, 3)
 
     def filtered(self, discrete: Discrete) -> Floats:
         """Return states and derivatives, direct terms, outputs in blocks, (m, columns, BLOCK), zero past the end."""
@@ -177,24 +165,19 @@ class _Columns:
     """Places of states, derivatives, direct terms and outputs among the columns of a block."""
 
     def __init__(self, layout: Layout) -> None:
-        self.starts: list[int] = []
-        states: list[int] = []
-        slopes: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
-        at = 0
-        for slot in layout.slots:
-            self.starts.append(at)
-            states += range(at, at + slot.order)
-            for i, parameter in enumerate(layout.parameters):
-                if parameter.section == slot.section:
-                    first = at + slot.order * (1 + parameter.value)
-                    slopes[i] += [(first + j, slot.at + j) for j in range(slot.order)]
-            at += 2 if slot.order == 1 else 6
+        slots, widths = layout.slots, [2 if slot.order == 1 else 6 for slot in layout.slots]
+        *self.starts, at = np.cumsum([0, *widths]).tolist()
+        states = [k + j for k, slot in zip(self.starts, slots, strict=True) for j in range(slot.order)]
         self.direct = slice(at, at + 2)
         self.output = at + 2
         self.width = at + 2 + layout.outputs
         self.phi = np.array([*states, at, at + 1])
-        self.slopes = [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in slopes]
-        self.free_slopes = free_places(layout)
+        spots = [(x.section, k + x.order, x.at) for k, x in zip(self.starts, slots, strict=True)]
+        self.slopes = _pairs(layout, spots)
+        orders = np.array([section.order for section in layout.sections])
+        ends = np.cumsum(orders**2), np.cumsum(orders)
+        free = zip(range(len(orders)), ends[0] - orders**2, ends[1] - orders, strict=True)
+        self.free_slopes = _pairs(layout, free)
 
 
 class _Reduced:
@@ -232,18 +215,15 @@ class _Reduced:
         return out
 
 
-def free_places(layout: Layout) -> list[Ints]:
-    """Return, per parameter, pairs (column of dF, column of F)."""
-    places: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
-    f, d = 0, 0
-    for s, section in enumerate(layout.sections):
-        for i, parameter in enumerate(layout.parameters):
-            if parameter.section == s:
-                first = d + section.order * parameter.value
-                places[i] += [(first + j, f + j) for j in range(section.order)]
-        f += section.order
-        d += section.order * section.order
-    return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
+def _pairs(layout: Layout, spots: Iterable[tuple[int, int, int]]) -> list[Ints]:
+    """Return, per parameter, pairs of columns, of a derivative and its state; spots: section, first of either."""
+    pairs: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
+    for section, slopes, states in spots:
+        order = layout.sections[section].order
+        for own, parameter in zip(pairs, layout.parameters, strict=True):
+            if parameter.section == section:
+                own += [(slopes + order * parameter.value + j, states + j) for j in range(order)]
+    return [np.array(own, dtype=np.intp).reshape(-1, 2) for own in pairs]
 
 
 def memory(sections: Sequence[Section], step: float, constants: float = 18.0) -> int:

@@ -101,7 +101,7 @@ def liveliest(data: LoopData, rows: int = 5000, seconds: float = 2.5) -> slice |
     if data.rows <= 1.5 * length:
         return None
     best, found = -1.0, None
-    change = np.diff(data.velocity, prepend=data.velocity[0]) ** 2
+    change = np.diff(data.vr, prepend=data.vr[0]) ** 2
     change += 1e-3 * np.mean(change) * (np.diff(data.d[:, 0], prepend=data.d[0, 0]) != 0)
     for s in data.segments:
         energy = np.cumsum(change[s])

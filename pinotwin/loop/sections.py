@@ -82,7 +82,6 @@ class ModalStep:
     Each input drives its own copy of the sections: the first state of a block is its filtered input.
     """
 
-    step: float  # sampling interval [s]
     input: Ints  # index of the input that drives each block, shape (k,)
     A: Floats  # shape (k, 2, 2); a first-order block leaves its second state at zero
     B0: Floats  # weight of the input at the start of the interval, shape (k, 2)

@@ -26,7 +26,7 @@ import msgspec
 import numpy as np
 
 from pinotwin.arrays import Floats, plain
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 
 if TYPE_CHECKING:
     import control
@@ -260,8 +260,7 @@ class Servo:
         """
         named = self.named()
         for name, factor in factors.items():
-            if name not in (*named, *GAINS, "all"):
-                raise InputError(f"controller: no gain {name!r}; {nearest(name, (*named, *GAINS, 'all'))}")
+            require(name, (*named, *GAINS, "all"), "controller: no gain", InputError)
             if not isinstance(factor, int | float | np.number) or not math.isfinite(factor):
                 raise InputError(
                     f"controller: {name}={factor!r} is no number; give a factor, 1.2 for 20 % more"

@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, nearest, require
 
 Numerators = Literal["exact", "source"]
 
@@ -50,6 +50,12 @@ class Section:
     values: tuple[float, ...]  # (p,) [rad/s], or (wn [rad/s], zeta [-])
     feedforward: bool = False  # whether it belongs to Dff
     free: bool = True  # whether its values are searched
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its values; a section of two preassigned poles has one."""
+        pair = self.order == 2 and not self.feedforward
+        return (self.name, self.name.replace("wn", "zeta")) if pair else (self.name,)
 
 
 @dataclass(frozen=True)
@@ -146,9 +152,7 @@ class Structure:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the structure that a twin holds, or that a machine.yaml describes."""
-        known = cls.__dataclass_fields__
         given = {k: x for k, x in values.items() if k not in ("integrator", "inertia")}  # of former twins
         for key in given:
-            if key not in known:
-                raise InputError(f"loop: unknown key {key!r}; {nearest(key, known)}")
+            require(key, cls.__dataclass_fields__, "loop: unknown key", InputError)
         return cls(**given)

@@ -24,11 +24,8 @@ def robots() -> dict[str, Path]:
         return {}
     files = sorted(root.rglob("*.urdf"))
     folders = [path.relative_to(root).parts[0] for path in files]
-    alone = {
-        f.removesuffix("_description"): p
-        for f, p in zip(folders, files, strict=True)
-        if folders.count(f) == 1
-    }
+    places = zip(folders, files, strict=True)
+    alone = {f.removesuffix("_description"): p for f, p in places if folders.count(f) == 1}
     stems = [path.stem for path in files]
     own = {path.stem: path for path in files if stems.count(path.stem) == 1}
     arms = {path.stem.removesuffix("_robot"): path for path in files if path.stem.endswith("_robot")}

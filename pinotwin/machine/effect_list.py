@@ -97,10 +97,8 @@ def effect_spec(effect: Effect) -> Any:
     kind = type(effect)
     for key, field in settings_of(kind).items():
         value = getattr(effect, field)
-        if value == getattr(kind, field, None) or (
-            field == "period" and getattr(effect, "free_pitch", False)
-        ):
-            continue
-        settings[key] = list(value) if isinstance(value, tuple) else value
+        searched = field == "period" and getattr(effect, "free_pitch", False)
+        if not searched and value != getattr(kind, field, None):
+            settings[key] = list(value) if isinstance(value, tuple) else value
     name = effect.name if EFFECTS.get(effect.name) is kind else path_of(kind)
     return {name: settings} if settings else name

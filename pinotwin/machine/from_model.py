@@ -16,14 +16,12 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
-from pinotwin.machine.effect_list import make_effects
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
-from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
+from pinotwin.machine.urdf import inertial_element, load_model, with_inertias, written
 
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
@@ -108,23 +106,6 @@ def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[An
     return out
 
 
-def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
-    """Return the machine with further effects (names, mappings, classes, effects) of every axis, or by axis."""
-    if isinstance(effects, str):
-        raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
-    each = dict(effects) if isinstance(effects, Mapping) else {}
-    for effect in [] if isinstance(effects, Mapping) else effects:
-        for name in (str(effect.axis),) if isinstance(effect, Effect) else machine.axes:
-            each.setdefault(name, []).append(effect)
-    for name, more in each.items():
-        axis = machine.axis(name)
-        made = make_effects(list(more), name, axis.rotary, f"effects of {name}")
-        there = {e.name for e in axis.effects}
-        new = tuple(e for e in made if e.several or e.name not in there)
-        machine = machine.with_effects(name, (*axis.effects, *new))
-    return machine
-
-
 def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Model:
     """Return the model with the joints that a URDF does not have locked where they are neutral."""
     mimics = [n for n, j in zip(model.names, model.joints, strict=True) if "Mimic" in j.shortname()]
@@ -146,7 +127,7 @@ def urdf_of_model(model: pin.Model, name: str) -> bytes:
         element = _joint(root, str(model.names[joint]), _kind(model, joint), model.jointPlacements[joint])
         etree.SubElement(element, "parent", link=links[model.parents[joint]])
         etree.SubElement(element, "child", link=links[joint])
-        etree.SubElement(element, "axis", xyz=_text(joint_axis(model, joint)[1]))
+        etree.SubElement(element, "axis", xyz=written(joint_axis(model, joint)[1]))
         etree.SubElement(element, "limit", _limits(model, joint))
         at = model.idx_vs[joint]
         lost = {"damping": model.damping[at], "friction": model.upperDryFrictionLimit[at]}
@@ -168,20 +149,16 @@ def _links(model: pin.Model) -> list[str]:
     """Return a name for the link of the base and of every joint: that of its body frame if it has one."""
     out: list[str] = []
     for joint in range(model.njoints):
-        bodies = [
-            str(f.name)
-            for f in model.frames
-            if f.type == pin.FrameType.BODY and f.parentJoint == joint and f.placement.isIdentity(1e-12)
-        ]
-        free = [n for n in bodies if n not in out]
-        out.append(free[0] if free else f"{model.names[joint]}_link")
+        bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == joint]
+        names = [str(f.name) for f in bodies if f.placement.isIdentity(1e-12)]
+        out.append(next((n for n in names if n not in out), f"{model.names[joint]}_link"))
     return out
 
 
 def _joint(root: etree._Element, name: str, kind: str, place: pin.SE3) -> etree._Element:
     element = etree.SubElement(root, "joint", name=name, type=kind)
-    rpy = _text(pin.rpy.matrixToRpy(place.rotation))
-    etree.SubElement(element, "origin", xyz=_text(place.translation), rpy=rpy)
+    rpy = written(pin.rpy.matrixToRpy(place.rotation))
+    etree.SubElement(element, "origin", xyz=written(place.translation), rpy=rpy)
     return element
 
 
@@ -195,7 +172,3 @@ def _limits(model: pin.Model, joint: int, wide_open: float = 1e9) -> dict[str, s
         ends = (float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q]))
         out["lower"], out["upper"] = (repr(float(np.clip(x, -wide_open, wide_open))) for x in ends)
     return out
-
-
-def _text(values: Floats) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)

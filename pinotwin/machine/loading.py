@@ -57,8 +57,7 @@ def load_machine(path: str | Path) -> Machine:
 
 def _of_urdf(path: Path) -> Machine:
     """Return the machine of a bare URDF: every moving joint an axis with the default effects."""
-    root = read_tree(path)
-    axes = {name: {"joint": joint} for name, joint in axis_names(root).items()}
+    axes = {name: {"joint": joint} for name, joint in axis_names(read_tree(path)).items()}
     if not axes:
         raise MachineError(f"{path}: no joint of it can be an axis ({', '.join(MOVING)})")
     return build({"name": path.stem, "urdf": path.name, "axes": axes}, path)
@@ -97,7 +96,8 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         model.armature[axis.index] = axis.rotor_inertia
     check_inertia(model, str(urdf))
     _check_partners(axes)
-    folders = file.get("meshes") or []
+    given = file.get("meshes") or []
+    meshes = [given] if isinstance(given, str) else given
     return Machine(
         name=file["name"],
         path=path,
@@ -111,10 +111,7 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         transmission=sections.transmission(file.get("transmission", {}), axes, model.nv),
         data=sections.data_settings(file.get("data", {})),
         spec=spec,
-        meshes=tuple(
-            (path.parent / folder).resolve()
-            for folder in ([folders] if isinstance(folders, str) else folders)
-        ),
+        meshes=tuple((path.parent / folder).resolve() for folder in meshes),
     )
 
 
@@ -183,20 +180,16 @@ def _check_partners(axes: Mapping[str, Axis]) -> None:
 
 def machine_spec(machine: Machine) -> dict[str, Any]:
     """Return the mapping that :func:`load_machine` turns into the same machine."""
-    spec = {
-        key: value for key, value in machine.spec.items() if key in KEYS and key not in ("gravity", "data")
-    }
+    kept = set(KEYS) - {"gravity", "data"}
+    spec = {key: value for key, value in machine.spec.items() if key in kept}
     spec["name"], spec["urdf"] = machine.name, machine.urdf.name
+    spec["axes"] = {}
     usual = {f.name: f.default for f in dataclasses.fields(Axis)}
-    spec["axes"] = {
-        name: {"joint": axis.joint, "effects": [effect_spec(effect) for effect in axis.effects]}
-        | {
-            key: float(value)
-            for key, value in vars(axis).items()
-            if key in AXIS_KEYS[2:] and value is not None and value != usual[key]
-        }
-        for name, axis in machine.axes.items()
-    }
+    for name, axis in machine.axes.items():
+        numbers = {key: getattr(axis, key) for key in AXIS_KEYS[2:]}
+        stated = {key: float(x) for key, x in numbers.items() if x not in (None, usual[key])}
+        effects = [effect_spec(effect) for effect in axis.effects]
+        spec["axes"][name] = {"joint": axis.joint, "effects": effects, **stated}
     pull = machine.model.gravity.linear.tolist()
     if tuple(pull) != GRAVITY:
         spec["gravity"] = pull

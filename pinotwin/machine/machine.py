@@ -18,6 +18,7 @@ from pinotwin.columns import Column
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
 from pinotwin.errors import InputError, MachineError, require
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
@@ -112,10 +113,21 @@ class Machine(Card):
         return machine_of_model(model, axes, name, effects)
 
     def listing(self, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
-        """Return the machine with further effects, own ones too; see :func:`pinotwin.machine.from_model.listing`."""
-        from pinotwin.machine.from_model import listing
-
-        return listing(self, effects)
+        """Return the machine with further effects (names, mappings, classes, effects) of every axis, or by axis."""
+        if isinstance(effects, str):
+            raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
+        machine = self
+        each = dict(effects) if isinstance(effects, Mapping) else {}
+        for effect in [] if isinstance(effects, Mapping) else effects:
+            for name in (str(effect.axis),) if isinstance(effect, Effect) else self.axes:
+                each.setdefault(name, []).append(effect)
+        for name, more in each.items():
+            axis = machine.axis(name)
+            made = make_effects(list(more), name, axis.rotary, f"effects of {name}")
+            there = {e.name for e in axis.effects}
+            new = tuple(e for e in made if e.several or e.name not in there)
+            machine = machine.with_effects(name, (*axis.effects, *new))
+        return machine
 
     def regulated(self, axis: str) -> str:
         """Return the channel whose position an axis' controller regulates: ``<axis>.q`` or ``<axis>.ql``."""
@@ -220,6 +232,5 @@ class Machine(Card):
             else:
                 write_bytes(target, self.urdf.read_bytes())
         path = folder / "machine.yaml"
-        text = yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True)
-        write_text(path, text)
+        write_text(path, yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True))
         return path

@@ -35,8 +35,7 @@ def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
     """Return the inertial sensors, each on a link of the URDF."""
     links = [str(link.get("name")) for link in read_tree(urdf).findall("link")]
     for name, imu in stated.items():
-        link = imu.get("link", "")
-        require(link, links, f"imus.{name}.link: no link", MachineError)
+        require(imu.get("link", ""), links, f"imus.{name}.link: no link", MachineError)
     return {name: Imu(name, **imu) for name, imu in stated.items()}
 
 

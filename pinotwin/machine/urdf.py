@@ -6,7 +6,7 @@ Pinocchio makes (cos, sin) of a ``continuous`` joint, where identification needs
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.errors import MachineError, require
-from pinotwin.machine.urdf_check import MOVING, moving_joints, read_tree
+from pinotwin.arrays import Floats
+from pinotwin.errors import MachineError
+from pinotwin.machine.urdf_check import MOVING, read_tree
 
 _WIDE = "1e9"
 
@@ -36,24 +37,17 @@ def _without_turns(root: etree._Element) -> bytes:
             limit.set("upper", _WIDE)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
-        for key, value in (("effort", _WIDE), ("velocity", _WIDE)):
-            limit.set(key, limit.get(key, value))
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            joint.remove(mimic)
-    etree.strip_elements(copy, "visual", "collision")
+        for key in ("effort", "velocity"):
+            limit.set(key, limit.get(key, _WIDE))
+    etree.strip_elements(copy, "visual", "collision", "mimic")
     return etree.tostring(copy)
 
 
 def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     """Return the model in which only ``joints``, of one degree of freedom each, move; every other is locked at zero."""
-    root = read_tree(path)
-    known = moving_joints(root)
-    for name in joints:
-        require(name, known, f"{path}: no moving joint", MachineError)
     with _quiet():
         try:
-            full = pin.buildModelFromXML(_without_turns(root))
+            full = pin.buildModelFromXML(_without_turns(read_tree(path)))
         except (ValueError, RuntimeError) as error:
             raise MachineError(f"{path}: Pinocchio cannot build it: {error}") from None
     locked = [full.getJointId(n) for n in full.names if n != "universe" and n not in joints]
@@ -112,13 +106,6 @@ def impossible_bodies(model: pin.Model) -> dict[str, str]:
     return out
 
 
-def package_dirs(path: Path, meshes: Sequence[Path] = ()) -> list[str]:
-    """Return folders in which ``package://`` meshes of a URDF may be found: given ones first."""
-    extra = [p for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
-    parents = [str(p) for p in path.resolve().parents][:6]
-    return list(dict.fromkeys([*map(str, meshes), *parents, *extra]))
-
-
 def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()) -> bool:
     """Put the files in place of mesh names that only mean something beside ``path``; return whether any was."""
     changed = False
@@ -149,13 +136,14 @@ def without_missing_meshes(path: Path, meshes: Sequence[Path] = ()) -> tuple[byt
     return etree.tostring(root), list(missing)
 
 
-def _mesh_file(name: str, path: Path, meshes: Sequence[Path] = ()) -> Path | None:
+def _mesh_file(name: str, path: Path, meshes: Sequence[Path]) -> Path | None:
     scheme, separator, rest = name.partition("://")
     if not separator:
         places = [path.resolve().parent / name]
         rest = name
     elif scheme == "package":
-        places = [Path(folder) / rest for folder in package_dirs(path, meshes)]
+        extra = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+        places = [folder / rest for folder in (*meshes, *path.resolve().parents[:6], *extra)]
     elif scheme == "file":
         places = [Path(rest)]
     else:
@@ -170,10 +158,7 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
     # Pinocchio lumps children on fixed or locked joints into the moving link: it gets the sum, they lose theirs.
     root = read_tree(path)
     resolve_meshes(root, path)
-    joint_above = {
-        str(joint.find("child").get("link")): joint  # type: ignore[union-attr]
-        for joint in root.findall("joint")
-    }
+    joint_above = {str(child.get("link")): child.getparent() for child in root.iterfind("joint/child")}
     for link in root.findall("link"):
         joint = first = joint_above.get(str(link.get("name")))
         while joint is not None and joint.get("name") not in model.names:
@@ -188,14 +173,15 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
     return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
 
 
+def written(values: Floats) -> str:
+    """Return numbers, (n,), as an attribute has them, with all their digits."""
+    return " ".join(repr(float(x) + 0.0) for x in values)
+
+
 def inertial_element(inertia: pin.Inertia) -> etree._Element:
     """Return the ``<inertial>`` element of a body."""
-
-    def text(values: Iterable[float]) -> str:
-        return " ".join(repr(float(x)) for x in values)
-
     element = etree.Element("inertial")
-    etree.SubElement(element, "origin", xyz=text(inertia.lever), rpy="0 0 0")
+    etree.SubElement(element, "origin", xyz=written(inertia.lever), rpy="0 0 0")
     etree.SubElement(element, "mass", value=repr(float(inertia.mass)))
     m = inertia.inertia
     pairs = [(i, j) for i in range(3) for j in range(i, 3)]

@@ -14,12 +14,8 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import MachineError, nearest, require
 
 MOVING = ("revolute", "continuous", "prismatic")  # joint types with one degree of freedom, which may be axes
-
-SHAPES = ("box", "cylinder", "sphere", "mesh")  # what the geometry of a visual or a collision may be
-
-
 FREE = ("floating", "planar")  # joint types of a base that is free: held here
-
+SHAPES = ("box", "cylinder", "sphere", "mesh")  # what the geometry of a visual or a collision may be
 _TYPES = (*MOVING, *FREE, "fixed")
 
 
@@ -81,11 +77,8 @@ def axis_names(root: etree._Element) -> dict[str, str]:
 
 def mimics(root: etree._Element) -> dict[str, str]:
     """Return the joints that follow another one: name -> the joint they follow."""
-    return {
-        str(j.get("name")): str(j.find("mimic").get("joint"))  # type: ignore[union-attr]
-        for j in root.findall("joint")
-        if j.get("type") in MOVING and j.find("mimic") is not None
-    }
+    pairs = [(j, j.find("mimic")) for j in root.findall("joint") if j.get("type") in MOVING]
+    return {str(j.get("name")): str(leader.get("joint")) for j, leader in pairs if leader is not None}
 
 
 def incomplete(root: etree._Element) -> dict[str, str]:
@@ -211,10 +204,9 @@ def _check_axis(where: str, joint: etree._Element) -> None:
     kind = joint.get("type")
     require(kind, _TYPES, f"{where}: unknown type", MachineError)
     axis = joint.find("axis")
-    if kind in MOVING and axis is not None and axis.get("xyz") is not None:
-        direction = _triple(f"{where} axis", str(axis.get("xyz")))
-        if not direction.any():
-            raise MachineError(f"{where}: axis {axis.get('xyz')!r} is no direction; give one, such as 0 0 1")
+    xyz = None if axis is None else axis.get("xyz")
+    if kind in MOVING and xyz is not None and not _triple(f"{where} axis", xyz).any():
+        raise MachineError(f"{where}: axis {xyz!r} is no direction; give one, such as 0 0 1")
 
 
 def _check_limit(where: str, joint: etree._Element) -> None:

@@ -76,8 +76,7 @@ def identify_flexible(
     given = [vibrations] if isinstance(vibrations, Vibration | Log) else list(vibrations)
     if len(several) != len(given):
         raise DataError(f"{len(several)} logs and {len(given)} vibrations; give them in pairs")
-    pairs = zip(several, given, strict=True)
-    joined = [with_vibration(log, v, row=True) for log, v in pairs]
+    joined = [with_vibration(log, v, row=True) for log, v in zip(several, given, strict=True)]
     twin = identify(machine, joined, **{"loop": False, "consistent": False, **options})
     joint = next(iter(machine.passive))
     k, c = (twin.parameter(f"{joint}.spring.{n}") for n in "kc")

@@ -257,10 +257,9 @@ def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[
     size = _load_size(servo)
     out = []
     for run, result in zip(servo, found, strict=True):
-        load = np.reshape(run.load, (len(run.t), -1))
         q = (result.angle - np.median(result.angle)) / peak
         extra = np.stack([-(q**3), *(-_stop(q, w) for w in WIDTHS)], axis=1)
-        out.append(replace(run, load=np.hstack([load, size * extra])))
+        out.append(replace(run, load=np.hstack([run.load, size * extra])))
     return out
 
 
@@ -278,7 +277,7 @@ def _peak(found: Sequence[RunResult]) -> float:
 
 
 def _load_size(servo: Sequence[ServoRun]) -> float:
-    return float(np.mean([np.std(np.reshape(r.load, (len(r.t), -1)).sum(axis=1)) for r in servo]))
+    return float(np.mean([np.std(r.load.sum(axis=1)) for r in servo]))
 
 
 @compiled

@@ -15,14 +15,13 @@ from pinotwin.system.phrases import BLIND
 
 STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}
 """State of a row -> words and kind of its chip."""
-FIRST = (
+FIRST = (  # Scores in large print
     "healthy machine accused of anything",
     "top-1 effect and axis, rho ≥ 0.1",
     "both of two, weaker rho ≥ 0.1",
     "outside the catalogue recognised",
     "expected calibration error",
 )
-"""Scores in large print."""
 
 
 def bench_page(d: Mapping[str, Any]) -> Page:

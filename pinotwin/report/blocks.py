@@ -73,8 +73,7 @@ class Tabs:
     panels: Mapping[str, Sequence[Block]]  # title of each tab -> its blocks
 
 
-Block = Html | Plot | Group | Tabs | str
-"""What a section holds; a plain string is a paragraph."""
+Block = Html | Plot | Group | Tabs | str  # What a section holds; a plain string is a paragraph
 
 
 @dataclass(frozen=True)

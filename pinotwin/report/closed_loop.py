@@ -19,14 +19,9 @@ from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.loop.servo import LOST, SHAPES, Servo
 from pinotwin.machine import Machine
+from pinotwin.report import closed_loop_plots as plots
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
-from pinotwin.report.closed_loop_plots import (
-    cause_shares_figure,
-    causes_figure,
-    response_figure,
-    response_panel,
-)
 from pinotwin.report.display import DEGREES, Scale, percent, scale_of
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import wide_loops
@@ -58,7 +53,7 @@ def response_blocks(twin: Twin, log: Log, predicted: Log) -> list[Block]:
     machine, axes = twin.machine, [name for name in twin.machine.axes if name in twin.loops]
     title = f"Predicted from the command of {display.elided(log.source)}"
     note = "Nothing measured enters the prediction. Drag to zoom: all follow."
-    out: list[Block] = [Plot(response_figure(machine, log, predicted, axes), title, note)]
+    out: list[Block] = [Plot(plots.response_figure(machine, log, predicted, axes), title, note)]
     if any(measured(machine, log, axis) for axis in axes):
         out += [heading("Error of the prediction"), score_table(twin, log, predicted)]
     return [*out, *([bullets(dict.fromkeys(predicted.notes))] if predicted.notes else [])]
@@ -126,10 +121,10 @@ def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:
     panels: dict[str, list[Block]] = {}
     for axis in parts.axes:
         turns = twin.machine.axes[axis].rotary
-        loads, errors = (causes_figure(parts, axis, turns, what) for what in ("disturbance", "error"))
+        loads, errors = (plots.causes_figure(parts, axis, turns, what) for what in ("disturbance", "error"))
         first = Plot(loads, f"{axis}: disturbance by cause", load)
         panels[axis] = [first, Plot(errors, f"{axis}: tracking error by cause", each)]
-    shares = Plot(cause_shares_figure(parts))
+    shares = Plot(plots.cause_shares_figure(parts))
     return [heading("Causes of the tracking error"), shares, Tabs(panels)]
 
 
@@ -204,7 +199,7 @@ def vibration_figure(twin: Twin, log: Log, predicted: Log, joint: str) -> go.Fig
     lines = [Line("measured", log[v], MEASURED, 2.4)] if v in log else []
     lines.append(Line("predicted", predicted[v], ACCENT, 1.1))
     panels = [Panel(f"<b>{joint}</b> velocity", lines, replace(DEGREES, unit="°/s"))]
-    panels += [response_panel(twin.machine, log, predicted, name, "e", "error") for name in axes]
+    panels += [plots.response_panel(twin.machine, log, predicted, name, "e", "error") for name in axes]
     tilts = [Line(name, log[f"{name}.qr"], SOFT, 1.2, legend=False) for name, turns in axes.items() if turns]
     panels += [Panel("posture", tilts, DEGREES)] if tilts else []
     return over_time(log.t, panels, 70 + 165 * len(panels), points=2500)

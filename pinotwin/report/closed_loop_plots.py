@@ -15,7 +15,7 @@ from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_ti
 from pinotwin.signals import rms
 from pinotwin.simulation.score import measured
 
-CAUSES = {
+CAUSES = {  # Cause -> its name and its colour, the same in every plot
     COMMAND: ("the command itself", "#7f8ea3"),
     "friction": ("friction", "#e15759"),
     "position": ("ripple and position tables", "#9c755f"),
@@ -26,7 +26,6 @@ CAUSES = {
     "external": ("external loads", "#d37295"),
     "other": ("other", "#b6992d"),
 }
-"""Cause -> its name and its colour, the same in every plot."""
 
 
 def response_panel(

@@ -21,8 +21,7 @@ from pinotwin.report.figures import ACCENT, effect_colour, points, style
 from pinotwin.system.phrases import SIGNALS
 from pinotwin.version import __version__
 
-KINDS: dict[str, str] = {str(word): kind for word, kind in KIND.items()}
-"""Grade -> colour of its chip."""
+KINDS: dict[str, str] = {str(word): kind for word, kind in KIND.items()}  # Grade -> colour of its chip
 WORDS = {"simulated e": "tracking error, simulated", "simulated u": "effort, simulated"}
 
 

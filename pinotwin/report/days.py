@@ -11,7 +11,6 @@ import numpy as np
 
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.phrases import on_axis
-from pinotwin.diagnosis.result import Size
 from pinotwin.report.blocks import Html, Page, Plot, chip, macro, paragraph, table
 from pinotwin.report.comparison import in_pairs, over_labels, sizes_of
 from pinotwin.report.figures import effect_colour
@@ -19,8 +18,7 @@ from pinotwin.system.phrases import DAYS, LACKING_DAYS, STATES, capital, joined
 
 Row = Mapping[str, Any]
 Key = tuple[str, str]  # effect and axis of a cause, "" for the machine's own
-COLOURS = {"unchanged": "good", "changed": "bad"}
-"""State of an axis -> colour of its chip."""
+COLOURS = {"unchanged": "good", "changed": "bad"}  # State of an axis -> colour of its chip
 
 
 def days_report(document: Mapping[str, Any], out: Path) -> str:
@@ -103,9 +101,7 @@ def _link(row: Row, out: Path) -> Html:
 
 def _course(rows: Sequence[Row], key: Key) -> Plot | None:
     """Return the first number of a cause from log to log with its 90 % interval; None for one without numbers."""
-    found: list[Size | None] = []
-    for row in rows:
-        found.append(next(iter(told(sizes_of((_named(row, key) or {}).get("sizes")))), None))
+    found = [next(iter(told(sizes_of((_named(row, key) or {}).get("sizes")))), None) for row in rows]
     known = [size for size in found if size is not None]
     if not known:
         return None

@@ -22,30 +22,12 @@ from pinotwin.diagnosis.result import Diagnosis, Region, Shrink, Size, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.report import display
+from pinotwin.report import diagnosis_verdict as verdict
+from pinotwin.report import display, first_screen
 from pinotwin.report.blocks import Block, Group, Html, Page, Plot, Tabs, macro, table
-from pinotwin.report.diagnosis_verdict import (
-    SERIOUS,
-    axis_cards,
-    grade_of,
-    headline,
-    machine_of,
-    named_data,
-    rotary_axes,
-    states,
-)
+from pinotwin.report.diagnosis_verdict import machine_of, rotary_axes
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import against_figure
-from pinotwin.report.first_screen import (
-    density,
-    gap_figure,
-    how_sure,
-    picture,
-    shown,
-    spectrum_figure,
-    what_now,
-    which_data,
-)
 from pinotwin.studies.overlay import Against
 from pinotwin.system.phrases import AGAINST, KINDS, MEANING, SIGNALS, STATES, capital, joined
 
@@ -73,17 +55,17 @@ def diagnosis_report(
     remedies = [f"{capital(on_axis(*name))}: {text}." for name in names if (text := remedy(name[0]))]
     advice = [f"{capital(plain_sentence(text))}." for text in d.advice]
     content = {
-        "lines": headline(d),
-        "states": states(d),
-        "sure": how_sure(d),
-        "data": which_data(d),
-        "now": what_now(d, remedies, advice),
-        "first": picture(d),
+        "lines": verdict.headline(d),
+        "states": verdict.states(d),
+        "sure": first_screen.how_sure(d),
+        "data": first_screen.which_data(d),
+        "now": first_screen.what_now(d, remedies, advice),
+        "first": first_screen.picture(d),
         "sizes": sizes,
         "words": phrases,
         "picture": machine_block(d, logs[0] if logs else None),
         "few": len(d.gap) <= 3,  # their cards stand beside the picture
-        "cards": axis_cards(d),
+        "cards": verdict.axis_cards(d),
         "d": d,
         "grades": {printed(word).capitalize(): MEANING[word] for word in grades},
         "tracking": any("e" in row for row in d.gap.values()),
@@ -106,7 +88,7 @@ def diagnosis_report(
 
 def _where(d: Diagnosis, most: int = 8) -> list[tuple[Region, float]]:
     """Return the regions in which the residual lies, ``most`` at most, with how dense it is there."""
-    rows = [(r, density(r)) for r in telling(d.where, [str(e.axis) for e in d.effects])]
+    rows = [(r, first_screen.density(r)) for r in telling(d.where, [str(e.axis) for e in d.effects])]
     return [(r, times) for r, times in rows if times > 1.0][:most]
 
 
@@ -132,7 +114,7 @@ def _shrink(d: Diagnosis) -> Html | str:
             of = "" if axis == e.axis and not every else f" of {axis}"
             cause = "all causes" if every else on_axis(e.effect, e.axis)
             shares = (display.percent(x.share), _interval(x.interval), display.percent(x.promised))
-            moved = (scale.text(x.before), scale.text(x.after), *shares, named_data(d, x))
+            moved = (scale.text(x.before), scale.text(x.after), *shares, verdict.named_data(d, x))
             rows.append([f"{cause}, {SIGNALS[signal]}{of}", *moved])
     header = ("cause", "residual before", "after", "explained", "90 % interval", "in the fit", "measured")
     return table(header, rows, numeric=(1, 2, 3, 4, 5)) if rows else ""
@@ -151,7 +133,7 @@ def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Blo
     """Return plots of the residual for every axis with one; for all axes when there is none."""
     rotary, traces = rotary_axes(d), {t.axis: t for t in reversed(d.traces)}
     known = list(dict.fromkeys(t.axis for t in d.traces))
-    shown = [a for a in known if a in d.gap and grade_of(d, a) in SERIOUS]
+    shown = [a for a in known if a in d.gap and verdict.grade_of(d, a) in verdict.SERIOUS]
     named = {e.axis for e in d.effects}
     axes = sorted(shown, key=lambda a: a not in named) or known
     return {a: _panel(d, logs, traces[a], rotary.get(a, False)) for a in axes if len(traces[a].t) > 1}
@@ -161,8 +143,9 @@ def _panel(d: Diagnosis, logs: Sequence[Log], given: Traces, turns: bool) -> lis
     name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
     title, note = f"Axis {given.axis}: residual", f"Over time, in {display.elided(name)}."
     peak = "A peak is a vibration; a rise to the right, elasticity or delay."
-    spectrum = Plot(spectrum_figure(given, turns), "By frequency", peak)
-    return [Plot(gap_figure(given, turns), title, note), *_against(d, given, turns), spectrum]
+    spectrum = Plot(first_screen.spectrum_figure(given, turns), "By frequency", peak)
+    residual = Plot(first_screen.gap_figure(given, turns), title, note)
+    return [residual, *_against(d, given, turns), spectrum]
 
 
 def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
@@ -176,7 +159,7 @@ def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
 
     def against(of: Against, x: Floats) -> go.Figure:
         at = np.interp(given.t, motion.t, x[:, j])
-        return against_figure(of, turns, at, shown(given), "residual", given.before)
+        return against_figure(of, turns, at, first_screen.shown(given), "residual", given.before)
 
     speed = Plot(against("velocity", motion.v), "Against speed", AGAINST["velocity"])
     return [Group((speed, Plot(against("position", motion.q), "Against position", AGAINST["position"])))]
@@ -199,13 +182,9 @@ def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
     from pinotwin.viewer.scene import visual_model
     from pinotwin.viewer.stage import still
 
-    rigid = machine.with_rigid_joints()
-    q = rigid.posture()
-    if log is not None:
-        for name, axis in rigid.axes.items():
-            x = log.channels.get(f"{name}.q")
-            if x is not None and np.isfinite(x).any():
-                q[rigid.model.joints[rigid.model.getJointId(axis.joint)].idx_q] = float(np.nanmedian(x))
+    rigid, channels = machine.with_rigid_joints(), {} if log is None else log.channels
+    places = {name: x for name in rigid.axes if (x := channels.get(f"{name}.q")) is not None}
+    q = rigid.posture({k: float(np.nanmedian(x)) for k, x in places.items() if np.isfinite(x).any()})
     colours = {axis.joint: shade(d, name) for name, axis in rigid.axes.items()}
     return still(rigid.model, visual_model(rigid.model, rigid.urdf, rigid.meshes), q, colours)
 

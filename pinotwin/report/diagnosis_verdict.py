@@ -5,18 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from pinotwin.diagnosis import phrases
 from pinotwin.diagnosis.conclusion.sizes import change_text, told
 from pinotwin.diagnosis.conclusion.where import along
 from pinotwin.diagnosis.grade import OPEN, Grade, printed
-from pinotwin.diagnosis.phrases import (
-    effect_words,
-    moved,
-    on_axis,
-    plain_sentence,
-    recording_words,
-    region_words,
-    seen_words,
-)
+from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence, region_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Region, Shrink
 from pinotwin.machine import Machine
 from pinotwin.report import display
@@ -43,10 +36,10 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
     """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
     rest = [*_possible(d), *_stays(d, most), *_errors(d)]
     if d.recording:
-        return [DIAGNOSED["recording"].format(faults=recording_words(d.recording))]
+        return [DIAGNOSED["recording"].format(faults=phrases.recording_words(d.recording))]
     if d.verdict == "none":
         first = DIAGNOSED["agree_change" if d.situation == "change" else "agree_structure"]
-        seen = seen_words(d.detectable)
+        seen = phrases.seen_words(d.detectable)
         return [first, *([f"{seen}."] if seen else []), *_stays(d, most), *_errors(d)]
     if not d.effects:
         open_axes = [a for a in d.remains or d.unexplained if grade_of(d, a) != "not judged"]

@@ -27,11 +27,9 @@ class Scale:
         return number(x * self.factor, self.unit)
 
 
-SI = Scale(1.0, "")
-"""As the number stands in the file."""
+SI = Scale(1.0, "")  # As the number stands in the file
 DEGREES = Scale(180.0 / math.pi, "°")
-SIGNALS = {"e": "tracking error", "u": "effort"}
-"""Signal of a simulation -> its name."""
+SIGNALS = {"e": "tracking error", "u": "effort"}  # Signal of a simulation -> its name
 
 
 def scale_of(signal: str, rotary: bool, x: Floats | float) -> Scale:

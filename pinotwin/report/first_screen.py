@@ -53,10 +53,9 @@ def _held_against(d: Diagnosis, most: int = 3) -> list[str]:
     out = []
     for axis, signal, g in still[:most] or sorted(efforts, key=lambda row: _over(row[2]))[-1:]:
         scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
-        level = g.level
-        form = "unjudged" if not level else "open" if still else "agrees"
+        form = "unjudged" if not g.level else "open" if still else "agrees"
         given = {"axis": axis, "signal": SIGNALS[signal], "rms": scale.text(g.rms)}
-        out.append(SCREEN[form].format(**given, expected=scale.text(level)))
+        out.append(SCREEN[form].format(**given, expected=scale.text(g.level)))
     return out
 
 

@@ -15,35 +15,10 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.effects import effect_name
 from pinotwin.log import Log
-from pinotwin.report import display
-from pinotwin.report.blocks import (
-    Block,
-    Group,
-    Html,
-    Page,
-    Plot,
-    Tabs,
-    bullets,
-    macro,
-    paragraph,
-    table,
-    tiles,
-)
+from pinotwin.report import display, figures
+from pinotwin.report.blocks import Block, Group, Html, Page, Plot, Tabs, bullets, macro, paragraph, table
 from pinotwin.report.closed_loop import closed_loop_content
-from pinotwin.report.figures import (
-    ACCENT,
-    MEASURED,
-    RESIDUAL,
-    Line,
-    Panel,
-    against_figure,
-    effect_colour,
-    line,
-    longest,
-    over_time,
-    share_bars,
-    style,
-)
+from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, line, over_time, style
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, bodies, cautions, headline, known
@@ -72,7 +47,7 @@ def identification_report(
     content = {
         "headline": headline(twin),
         "steps": steps,
-        "tiles_": tiles(axis_tiles(twin)),
+        "tiles_": axis_tiles(twin),
         "cautions": cautions(twin),
         "validation": effort_figure(evidence(twin, validate)) if validate else None,
         "effort": effort_figure(given),
@@ -94,8 +69,10 @@ def identification_report(
     }
     used = [*((log, "fitted") for log in fitted), *((log, "validation") for log in validate)]
     facts = made_of(twin.machine, used, **(made or {}))
-    title = f"{twin.machine.name}: identification"
-    return Page(title, _subtitle(given), template="identification", given=content, made=facts).html()
+    title, count = f"{twin.machine.name}: identification", int(given.use[:, given.measured].sum())
+    length = display.seconds(float(given.t[-1] - given.t[0]))
+    said = f"{display.elided(given.source)} · {length} · {count} rows compared"
+    return Page(title, said, template="identification", given=content, made=facts).html()
 
 
 def steps_blocks(found: Improvement) -> list[Block]:
@@ -115,13 +92,6 @@ def _days(twin: Twin) -> Html | None:
     days = twin.quality.get("days", {})
     rows = [[axis, name, display.percent(x)] for axis, row in days.items() for name, x in row.items()]
     return table(("axis", "friction", "standard deviation"), rows, numeric=(2,)) if rows else None
-
-
-def _subtitle(given: Evidence) -> str:
-    """Return the line below the title: where the data came from and how much of it there is."""
-    count = int(sum(given.use[:, j].sum() for j in given.measured))
-    length = display.seconds(float(given.t[-1] - given.t[0]))
-    return f"{display.elided(given.source)} · {length} · {count} rows compared"
 
 
 def axis_panel(twin: Twin, given: Evidence, split: Evidence, j: int) -> list[Block]:
@@ -202,8 +172,8 @@ def shares_figure(given: Evidence) -> go.Figure:
     units = {given.names[j]: display.effort_unit(given.rotary[j]) for j in given.measured}
     rows = {axis: {k: x / sum(row.values()) for k, x in row.items()} for axis, row in sizes.items()}
     names = dict.fromkeys(name for row in sizes.values() for name in row if name != "residual")
-    looks = {name: (name.replace("_", " "), effect_colour(name)) for name in names}
-    return share_bars(
+    looks = {name: (name.replace("_", " "), figures.effect_colour(name)) for name in names}
+    return figures.share_bars(
         rows,
         {**looks, "residual": ("residual", RESIDUAL)},
         "share of the summed RMS [%]",
@@ -216,7 +186,7 @@ def breakdown_figure(given: Evidence, j: int) -> go.Figure:
     sums = _by_name(given, j)
     drawn = [name for name in shares(given, j) if name != "residual"]
     lines = [Line("measured", given.u[:, j], MEASURED, 1.2)]
-    lines += [Line(name.replace("_", " "), sums[name], effect_colour(name), 1.5) for name in drawn]
+    lines += [Line(name.replace("_", " "), sums[name], figures.effect_colour(name), 1.5) for name in drawn]
     scale = display.scale_of("u", given.rotary[j], given.u[:, j])
     return over_time(given.t, [Panel("effort", lines, scale)], 360, block=given.block, points=600)
 
@@ -226,7 +196,7 @@ def residual_figure(given: Evidence, j: int, against: Against) -> go.Figure:
     use = given.use[:, j]
     x = (given.v if against == "velocity" else given.q)[:, j]
     clouds = [("residual", given.residual[use, j], RESIDUAL)]
-    return against_figure(against, given.rotary[j], x[use], clouds, "residual", given.u[:, j])
+    return figures.against_figure(against, given.rotary[j], x[use], clouds, "residual", given.u[:, j])
 
 
 def spectrum_figure(given: Evidence, j: int) -> go.Figure:
@@ -260,7 +230,7 @@ def correlation_figure(given: Evidence, j: int) -> go.Figure:
 
 def _longest(given: Evidence) -> slice:
     """Return the rows of the longest unbroken stretch."""
-    return longest(np.diff(given.block) != 0)
+    return figures.longest(np.diff(given.block) != 0)
 
 
 def can_correlate(given: Evidence, j: int) -> bool:

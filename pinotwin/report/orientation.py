@@ -21,19 +21,17 @@ from pinotwin.report.blocks import Html, Page, Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, over_time
 from pinotwin.version import __version__
 
-METHODS = {
+METHODS = {  # Method -> its name
     "offline": "smoother over the whole record",
     "vqf": "VQF, offline",
     "smoother": "adaptive Kalman filter, both ways",
     "ekf": "adaptive Kalman filter",
 }
-"""Method -> its name."""
-ANGLES = {
+ANGLES = {  # Angle -> what it is
     "roll": "about the sensor's x",
     "pitch": "about y",
     "heading": "from the start; no magnetometer: it drifts with the gyro",
 }
-"""Angle -> what it is."""
 
 
 def orientation_page(

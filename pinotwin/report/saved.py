@@ -16,15 +16,13 @@ from pinotwin.report.diagnosis_verdict import machine_of
 from pinotwin.system.stamps import now
 from pinotwin.system.writing import whole_folder, write_json, write_text
 
-REPLACES = ("machine", "advice_*.csv")
-"""What of an earlier result goes, if the new one has none of it."""
+REPLACES = ("machine", "advice_*.csv")  # What of an earlier result goes, if the new one has none of it
 
-BESIDE = {
+BESIDE = {  # What lies beside the page -> what it holds
     "machine.html": "the machine playing the log in 3-D, coloured by the residual; open it in a browser",
     "diagnosis.json": "all numbers of this page, for programs",
     "machine/machine.yaml": "the machine with the named causes, to identify again",
 }
-"""What lies beside the page -> what it holds."""
 
 
 def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
@@ -38,7 +36,10 @@ def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = 
         table = np.column_stack(list(channels.values()))
         np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
     said = write_view(found, folder, meshes)
-    write_text(folder / "report.html", diagnosis_html(found, _beside(folder)))
+    beside = [(name, text) for name, text in BESIDE.items() if (folder / name).is_file()]
+    moves = sorted(path.name for path in folder.glob("advice_*.csv"))
+    beside += [(name, "command of a motion to record next") for name in moves]
+    write_text(folder / "report.html", diagnosis_html(found, beside))
     return said
 
 
@@ -53,13 +54,6 @@ def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> s
     named = (*found.effects, *found.possible)
     with given(type(e.listed) for e in named if e.listed is not None):  # whoever wrote them
         return diagnosis_report(found, found.logs, found.validation, files=tuple(files))
-
-
-def _beside(folder: Path) -> list[tuple[str, str]]:
-    """Return what was written beside the page."""
-    found = [(name, text) for name, text in BESIDE.items() if (folder / name).is_file()]
-    moves = sorted(path.name for path in folder.glob("advice_*.csv"))
-    return [*found, *((name, "command of a motion to record next") for name in moves)]
 
 
 def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> list[str]:

@@ -37,14 +37,13 @@ from pinotwin.system.writing import as_path, csv_text, whole_folder, write_text
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_subject
 
-KINDS = {
+KINDS = {  # Study -> what it shows, with the figure of the thesis
     "amount": "how much data is enough (Fig. 3-6)",
     "coupling": "one model of the machine against one per axis (Fig. 3-7)",
     "without": "the effort with and without each effect (Fig. 3-8)",
     "overlay": "each effect over the data it was found in (Fig. 3-9, 3-10, 4-10, 4-11)",
     "errors": "the tracking error by cause (Fig. 4-16)",
 }
-"""Study -> what it shows, with the figure of the thesis."""
 
 
 @dataclass

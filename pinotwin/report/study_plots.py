@@ -7,23 +7,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pinotwin.diagnosis.phrases import effect_words
+from pinotwin.report import figures
 from pinotwin.report.display import scale_of
-from pinotwin.report.figures import (
-    ACCENT,
-    MEASURED,
-    RESIDUAL,
-    Line,
-    Panel,
-    blocks,
-    broken,
-    dots,
-    line,
-    over_time,
-    points,
-    some_rows,
-    style,
-    visible_rows,
-)
+from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, line, over_time, style
 from pinotwin.studies.study import Study
 from pinotwin.system.phrases import joined
 
@@ -33,11 +19,11 @@ def overlay_figure(given: Study) -> go.Figure:
     x, extracted, curve = given["x"], given["extracted"], given["curve"]
     across = scale_of("v" if given.against == "velocity" else "q", given.rotary, x)
     up = scale_of("u", given.rotary, extracted)
-    rows, (centre, median, low, high) = some_rows(len(x), 450), np.array(given.rows).reshape(-1, 4).T
-    cloud = dots(across(x[rows]), up(extracted[rows]), "measured minus all other effects")
+    rows, (centre, median, low, high) = figures.some_rows(len(x), 450), np.array(given.rows).reshape(-1, 4).T
+    cloud = figures.dots(across(x[rows]), up(extracted[rows]), "measured minus all other effects")
     ends = up(high - median), up(median - low)
-    medians = points(across(centre), up(median), "median of the data", MEASURED, ends, unit=up.unit)
-    at = visible_rows([curve], 500)
+    medians = figures.points(across(centre), up(median), "median of the data", MEASURED, ends, unit=up.unit)
+    at = figures.visible_rows([curve], 500)
     model = line(across(given["grid"][at]), up(curve[at]), "model", ACCENT, width=2.2)
     figure = go.Figure([cloud, medians, model])
     style(figure, 330, x=f"{given.against} [{across.unit}]", y=f"{given.axis} [{up.unit}]")
@@ -55,7 +41,7 @@ def removal_figure(given: Study) -> go.Figure:
         Line("all effects", given["complete"], ACCENT),
     ]
     scale = scale_of("u", given.rotary, given["measured"])
-    return over_time(given["t"], [Panel(given.axis, lines, scale)], 330, block=blocks(given["t"]))
+    return over_time(given["t"], [Panel(given.axis, lines, scale)], 330, block=figures.blocks(given["t"]))
 
 
 def amount_figure(given: Study) -> go.Figure:
@@ -89,7 +75,7 @@ def coupling_figure(given: Study) -> go.Figure:
         bar = go.Bar(x=names, y=errors, name=name, legendgroup=name, marker_color=colour, hovertemplate=hover)
         figure.add_trace(bar, row=1, col=1)
     u, lost = given["u"], decoupled[names.index(given.axis)]
-    rows = visible_rows([u, given["coupled"]])
+    rows = figures.visible_rows([u, given["coupled"]])
     scale = scale_of("u", given.rotary, u)
     t = given["t"] - given["t"][0]
     for y, name, colour in (
@@ -97,7 +83,7 @@ def coupling_figure(given: Study) -> go.Figure:
         *[(given["decoupled"], "decoupled", RESIDUAL)] * (float(lost) <= 1.0),  # type: ignore[arg-type]
         (given["coupled"], "coupled", ACCENT),
     ):
-        at, y = broken(rows, blocks(given["t"]), t, scale(y))
+        at, y = figures.broken(rows, figures.blocks(given["t"]), t, scale(y))
         trace = line(at, y, name, colour, legend=name == "measured", unit=scale.unit)
         figure.add_trace(trace, row=1, col=2)
     style(figure, 380)

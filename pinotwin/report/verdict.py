@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from pinotwin.report.blocks import Tile
+from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.display import percent, scale_of
 from pinotwin.system.phrases import ADVERBS, IDENTIFIED, joined
 from pinotwin.twin import Twin
@@ -74,7 +74,7 @@ def _rms(twin: Twin, axis: str) -> str:
     return scale_of("u", bool(rotary.get(axis)), rms).text(rms)
 
 
-def axis_tiles(twin: Twin) -> list[Tile]:
+def axis_tiles(twin: Twin) -> Html:
     """Return one tile per axis: its error on data not fitted."""
     out = []
     for name, row in twin.quality.get("axes", {}).items():
@@ -82,7 +82,7 @@ def axis_tiles(twin: Twin) -> list[Tile]:
         shares = {"share": percent(error_of(row, "nrmse")), "fit": percent(known(row, "fit_std"))}
         note = IDENTIFIED["tile"].format(rms=_rms(twin, name), **shares)
         out.append(Tile(f"Axis {name}", percent(error), note, *grade(error)))
-    return out
+    return tiles(out)
 
 
 def cautions(twin: Twin) -> list[str]:

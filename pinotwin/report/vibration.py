@@ -15,33 +15,29 @@ from pinotwin.report.display import DEGREES
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, Line, Panel, line, over_time, style
 from pinotwin.units import rounded
 
-_SHOWN = {
+_SHOWN = {  # Signal -> its name and scale
     "q": ("angle", DEGREES),
     "v": ("velocity", replace(DEGREES, unit="°/s")),
     "a": ("acceleration", replace(DEGREES, unit="°/s²")),
 }
-"""Signal -> its name and scale."""
 
 
 def vibration_report(found: Vibration) -> str:
     """Return a self-contained HTML page about a reconstruction."""
-    runs, sensors = (f"{n} {word}{'s' if n > 1 else ''}" for n, word in _counts(found))
+    counts = {"run": len(found.runs), "IMU": len(found.sensors)}
+    said = ", ".join(f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items())
     given = {
         "found": found,
         "doubt": _degrees(size(found.motion.sd_q)),
         "tiles_": tiles(_tiles(found)),
         "deflection": _series(found.motion),
-        "repeats": _runs(found) if max(n for n, _ in _counts(found)) > 1 else None,
+        "repeats": _runs(found) if max(counts.values()) > 1 else None,
         "spectrum": _spectrum(found),
         "degrees": np.degrees,
         "parasitic": _parasitic(found),
     }
     title = f"{found.machine}: vibration of {found.joint}"
-    return Page(title, f"{runs}, {sensors}", template="vibration", given=given).html()
-
-
-def _counts(found: Vibration) -> tuple[tuple[int, str], tuple[int, str]]:
-    return (len(found.runs), "run"), (len(found.sensors), "IMU")
+    return Page(title, said, template="vibration", given=given).html()
 
 
 def _degrees(x: float, digits: int = 2) -> str:

@@ -99,8 +99,7 @@ def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
             robot.joints.append(_joint(axis, parent, offset, sign, sizes))
             robot.links.append(_link(axis, len(robot.links), sizes))
             parent = f"{axis}_link"
-    urdf = yourdfpy.URDF(robot=robot, build_scene_graph=False, load_meshes=False)
-    root = urdf.write_xml().getroot()
+    root = yourdfpy.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml().getroot()
     tool, work = (" ".join(axes) or "nothing" for axes in (chain.tool, chain.work))
     sides = f"{tool} under the tool, {work} under the workpiece, from the base outward"
     said = f" Written by `pinotwin new`: {sides}. Masses and sizes are starting values. "

@@ -165,15 +165,12 @@ def _from_urdf(path: Path, task: _Task) -> tuple[Guesses, list[str]]:
     if idle and len(idle) < len(axes):
         said.append(f"not in the log, held at zero: {', '.join(idle)}")
         axes = {name: value for name, value in axes.items() if name not in idle}
-        asked = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
-        guesses = replace(guesses, open=asked)
+        guesses = replace(guesses, open=tuple(q for q in guesses.open if q.partition(".")[0] not in idle))
     massless = idle_joints(load_model(path, [joint for joint, _ in axes.values()]))
     rotors = {name: ROTOR[turns] for name, (joint, turns) in axes.items() if joint in massless}
-    said += [
-        f"{name} moves no mass in the URDF: rotor_inertia {rotor:g} "
-        f"{'kg·m²' if axes[name][1] else 'kg'} (assumed)"
-        for name, rotor in rotors.items()
-    ]
+    for name, rotor in rotors.items():
+        unit = "kg·m²" if axes[name][1] else "kg"
+        said.append(f"{name} moves no mass in the URDF: rotor_inertia {rotor:g} {unit} (assumed)")
     resolve_meshes(root, path)
     text = etree.tostring(root, xml_declaration=True, encoding="utf-8")
     (task.folder / f"{path.stem}.urdf").write_bytes(text)
@@ -245,9 +242,7 @@ def _write_yaml(
 
 
 def _columns(guesses: Guesses) -> str:
-    lines = [
-        "columns:  # how this controller names and scales its channels: SI = raw * unit * factor + offset"
-    ]
-    lines += [f"  {guess.yaml}" for guess in guesses.found]
-    lines += [f"  # open: {question}" for question in guesses.open]
-    return "\n".join(lines) + "\n"
+    head = "columns:  # how this controller names and scales its channels: SI = raw * unit * factor + offset"
+    found = [f"  {guess.yaml}" for guess in guesses.found]
+    asked = [f"  # open: {question}" for question in guesses.open]
+    return "\n".join([head, *found, *asked]) + "\n"

@@ -142,17 +142,8 @@ def _of_loop(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -
     C1, D1, _, _ = modal.derivative(1)
     C2, D2, E2, _ = modal.derivative(2)
     C = np.stack([modal.C[0], C1[0], C2[0], modal.C[1]], axis=1)  # (k, 4, 2)
-    reach = _late(modal, C)
-    direct[:] = (
-        D1[0, -1],
-        D2[0, -1],
-        E2[0, -1],
-        D2[0, 0],
-        modal.D[1, -1],
-        modal.Da[1],
-        modal.D[1, 0],
-        *reach[0],
-    )
+    reach, u, ua = _late(modal, C), modal.D[1], modal.Da[1]
+    direct[:] = D1[0, -1], D2[0, -1], E2[0, -1], D2[0, 0], u[-1], ua, u[0], *reach[0]
     others = tuple((sources[i], np.array([D2[0, i], *reach[i]])) for i in range(1, len(loop.disturbances)))
     return _Laid(_stacked(modal, C, sources), others)
 

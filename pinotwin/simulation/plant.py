@@ -13,7 +13,7 @@ from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
 from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
-from pinotwin.simulation.tables import Tables, tabulate
+from pinotwin.simulation.tables import tabulate
 from pinotwin.twin.open_loop import OpenLoop
 
 
@@ -89,12 +89,8 @@ def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
     terms = ("inertia", "viscous", "stiffness")
     diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in terms])
     ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
-    return Plant(_tape(plant, tables), tables.lookup, other, modes, diagonal, margin, ground)
-
-
-def _tape(plant: OpenLoop, tables: Tables) -> Tape:
-    """Return the tape for the base parameters that were found; see :mod:`pinotwin.dynamics.tape`."""
-    pi = np.zeros(parameter_count(plant.machine.model))
     tree, where = rigid_body_of(plant.effects)
-    pi[tree.base.independent] = plant.theta[where]
-    return record(plant.machine.model, pi, tables.coupled)
+    pi = np.zeros(parameter_count(machine.model))
+    pi[tree.base.independent] = plant.theta[where]  # see :mod:`pinotwin.dynamics.tape`
+    tape = record(machine.model, pi, tables.coupled)
+    return Plant(tape, tables.lookup, other, modes, diagonal, margin, ground)

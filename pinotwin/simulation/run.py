@@ -11,7 +11,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import Effect
-from pinotwin.errors import DataError, InputError, TwinError, nearest
+from pinotwin.errors import DataError, InputError, TwinError, nearest, require
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.loop import LoopModel, Servo, close
@@ -169,8 +169,7 @@ def _closed(twin: Twin, form: Loops) -> tuple[dict[str, Any], tuple[str, ...]]:
             "controller: expected a form or axis -> Servo; see help(pinotwin.simulation.simulate)"
         )
     for name in given:
-        if name not in axes:
-            raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
+        require(name, axes, "controller: no axis", InputError)
     what = "controllers" if is_coupled(form) else "closed loop"
     found: dict[str, Any] = {**twin.servos, **given} if is_coupled(form) else dict(twin.loops)
     if form == "vibration":

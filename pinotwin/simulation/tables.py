@@ -30,6 +30,7 @@ from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
 
 S = TypeVar("S")
+Pairs = Sequence[tuple[Effect, Floats]]  # Effects with their coefficients
 SPEEDS = 1024  # Intervals of a table over speed
 _FINE = 2e-5  # A position table is refined until its midpoints are off by less than this share of its range
 _MOST = 1 << 18
@@ -44,9 +45,7 @@ class Tables:
     other: tuple[int, ...]  # indices of the effects that fit no table
 
 
-def tabulate(
-    machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
-) -> Tables:
+def tabulate(machine: Machine, effects: Pairs, travel: Floats, speed: Floats) -> Tables:
     """Return the tables of effects but rigid body, viscous and spring, over a travel, shape (2, nv), up to a speed."""
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
@@ -96,9 +95,7 @@ def _joints(tables: dict[tuple[int, S], Floats]) -> Ints:
     return np.array([i for i, _ in tables], dtype=np.intp)
 
 
-def _positions(
-    machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats
-) -> tuple[Floats, Ints, Floats]:
+def _positions(machine: Machine, effects: Pairs, travel: Floats) -> tuple[Floats, Ints, Floats]:
     """Return the position tables of all joints, where each is, and its grid."""
     tables, grid = [], np.zeros((machine.nv, 2))
     for i in range(machine.nv):
@@ -183,7 +180,7 @@ def _sliding(effort: _Effort, v: Floats) -> Floats:
 
 def _merge(
     machine: Machine,
-    effects: Sequence[tuple[Effect, Floats]],
+    effects: Pairs,
     shape: Callable[[Effect, bool], S],
     table: Callable[[_Effort, int], Floats],
 ) -> dict[tuple[int, S], Floats]:
@@ -209,7 +206,7 @@ def _bend(effect: Effect) -> tuple[float, float]:
 
 def _memories(
     machine: Machine,
-    effects: Sequence[tuple[Effect, Floats]],
+    effects: Pairs,
     found: dict[tuple[int, tuple[float, float]], Floats],
 ) -> Floats:
     """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""

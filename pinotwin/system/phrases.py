@@ -158,7 +158,6 @@ IDENTIFIED = {  # what the page of `identify` says first, and to be careful abou
     "tile": "{rms} RMS · {share} of the RMS effort · in the fit {fit}",
     "open": "{open} of {all} parameters are not determined by these data ({names}). Predictions of other motions "
     "that need them rely on the URDF.",
-    "infeasible": "The unconstrained fit was physically impossible; the nearest feasible one costs {more} more.",
     "coloured": "The residual of {axes} is not white: it has a systematic part, which the intervals below allow for. "
     "Run pinotwin diagnose to find the cause.",
 }

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from pinotwin.arrays import mapped
 from pinotwin.errors import MachineError, nearest
 
 _MOST = sys.float_info.max
@@ -51,7 +52,7 @@ def read(value: Any, kind: Any, where: str) -> Any:
     if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)  # a name of digits
     try:
-        out = msgspec.convert(_plain(value), kind, strict=False)
+        out = msgspec.convert(mapped(value, _plain), kind, strict=False)
     except msgspec.ValidationError:
         raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
     if any(isinstance(x, float) and not abs(x) <= _MOST for x in (out if isinstance(out, tuple) else [out])):
@@ -98,10 +99,8 @@ def schema(kind: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return numbers and lists of NumPy as Python's."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value
+    """Return a number or list of NumPy as Python's."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def _words(kind: Any) -> str:

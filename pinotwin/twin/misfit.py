@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +32,9 @@ class Misfit:
     summary: Mapping[str, Any]
     log: Ints  # number of the log that each row is of, shape (n,)
 
-    @cached_property
-    def rows(self) -> int:
-        """Number of rows kept."""
-        return len(self.motion)
-
     def __repr__(self) -> str:
         sizes = ", ".join(f"{k} {v['moving']:.3g} {v['unit']}" for k, v in self.summary.items())
-        return f"Misfit({sizes}; {self.rows} rows)"
+        return f"Misfit({sizes}; {len(self.motion)} rows)"
 
 
 def write_misfit(misfit: Misfit, path: Path) -> None:

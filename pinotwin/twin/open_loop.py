@@ -79,28 +79,16 @@ class OpenLoop:
         return model
 
     def coefficients(self, key: str) -> Floats:
-        """Return the coefficients of one effect, e.g. ``twin.coefficients("Y.coulomb")``.
-
-        Raises:
-            TwinError: it has no such effect.
-        """
+        """Return the coefficients of one effect, e.g. ``twin.coefficients("Y.coulomb")``; TwinError without it."""
         require(key, self.keys, f"{self.machine.name}: no effect", TwinError)
         return self.theta[self.slices[self.keys.index(key)]]
 
     def parameter(self, name: str) -> Parameter:
-        """Return one row of the parameter table by its full name.
-
-        Raises:
-            TwinError: there is none of that name.
-        """
+        """Return one row of the parameter table by its full name, or a TwinError."""
         return self.parameters[name]
 
     def scene(self, motion: Motion) -> Motion:
-        """Return a motion with this plant's own effort along it, if any of its effects scales with it.
-
-        Raises:
-            InputError: it is no motion.
-        """
+        """Return a motion, or an InputError, with this plant's own effort along it, if any effect scales with it."""
         if not isinstance(motion, Motion):
             raise InputError(f"motion: expected twin.motion(log), a Motion, not {type(motion).__name__}")
         return with_model(motion, self.effects, self.theta)

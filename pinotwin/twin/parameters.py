@@ -9,7 +9,7 @@ from typing import Any, SupportsIndex, overload
 import numpy as np
 from scipy.special import stdtrit
 
-from pinotwin.errors import InputError, TwinError, nearest
+from pinotwin.errors import InputError, TwinError, require
 from pinotwin.log import require_pandas
 from pinotwin.notebook import Card, Shown
 
@@ -81,17 +81,11 @@ class Parameters(Card, tuple[Parameter, ...]):
     @overload
     def __getitem__(self, key: slice) -> tuple[Parameter, ...]: ...
     def __getitem__(self, key: SupportsIndex | str | slice) -> Parameter | tuple[Parameter, ...]:
-        """Return a parameter by name or place.
-
-        Raises:
-            TwinError: there is none of that name.
-        """
+        """Return a parameter by name or place; TwinError: there is none of that name."""
         if not isinstance(key, str):
             return super().__getitem__(key)
-        for row in self:
-            if row.name == key:
-                return row
-        raise TwinError(f"no parameter {key!r}; {nearest(key, self.keys())}")
+        require(key, self.keys(), "no parameter", TwinError)
+        return super().__getitem__(self.keys().index(key))
 
     def __contains__(self, key: object) -> bool:
         return key in self.keys() if isinstance(key, str) else super().__contains__(key)

@@ -23,13 +23,12 @@ from pinotwin.viewer.scene import Scene, arrow, colour, draw, place_mark, visual
 from pinotwin.viewer.stage import corners, diagonal
 from pinotwin.viewer.tracks import Tracks, tracks_of
 
-COLOURS: dict[Grade, Colour] = {
+COLOURS: dict[Grade, Colour] = {  # Grade -> colour of the axis; grey where nothing was found
     "gap explained": (0.90, 0.52, 0.20),
     "partly explained": (0.90, 0.52, 0.20),
     "not explained": (0.80, 0.27, 0.22),
     "above misfit": (0.85, 0.74, 0.42),
 }
-"""Grade -> colour of the axis; grey where nothing was found."""
 
 
 def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
@@ -42,10 +41,8 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     tracks = with_causes(tracks_of(machine, motion, twin), found, float(motion.t[0]))
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}
-    for name, axis in machine.axes.items():
-        shades[axis.joint] = (*shade(found, name), 1.0)
-    drawn = draw(machine.model, visual, frames=False, masses=False, name=machine.name)
-    drawn = colour(drawn, shades)
+    shades |= {axis.joint: (*shade(found, name), 1.0) for name, axis in machine.axes.items()}
+    drawn = colour(draw(machine.model, visual, name=machine.name), shades)
     mark(drawn, found, machine)  # in a colour of its own
     states = ", ".join(f"{name} {STATES[found.situation][found.state(name)]}" for name in machine.axes)
     return panel(drawn, machine, tracks=tracks, subtitle=f"playing the diagnosed log; {states}")

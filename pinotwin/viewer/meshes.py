@@ -67,11 +67,14 @@ def _given_colour(shape: pin.GeometryObject) -> Rgba:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, _changed: int) -> tuple[Part, ...]:
-    """Return the parts of a file, none where trimesh cannot read it (Pinocchio's reader may)."""
+    """Return the parts of a file, none where trimesh cannot read it (Pinocchio's reader may) or it is broken."""
     import trimesh
+    from collada.common import DaeError
+    from trimesh.exchange.stl import HeaderError
 
-    scene = _scene(path)
-    if scene is None:
+    try:
+        scene = trimesh.load_scene(path, process=False, group_material=True)
+    except (*BROKEN, SyntaxError, DaeError, HeaderError):
         return ()
     found = []
     unit = _unit(scene) if path.suffix.lower() == ".dae" else 1.0
@@ -82,18 +85,6 @@ def _read(path: Path, _changed: int) -> tuple[Part, ...]:
             points = unit * (mesh.vertices @ pose[:3, :3].T + pose[:3, 3])
             found.append(Part(*_surface(points, np.asarray(mesh.faces)), _own_colour(mesh.visual)))
     return tuple(found)
-
-
-def _scene(path: Path) -> Any:
-    """Return the scene of a file, None for one that is broken or of a kind that trimesh does not know."""
-    import trimesh
-    from collada.common import DaeError
-    from trimesh.exchange.stl import HeaderError
-
-    try:
-        return trimesh.load_scene(path, process=False, group_material=True)
-    except (*BROKEN, SyntaxError, DaeError, HeaderError):
-        return None
 
 
 def _unit(scene: Any) -> float:

@@ -43,11 +43,7 @@ class View:
     notes: tuple[str, ...] = ()  # what is not as one might expect, one line each
 
     def save(self, path: str | Path) -> Path:
-        """Write the page, which opens without network; return its path.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+        """Write the page, which opens without network; return its path; InputError where it cannot be written."""
         write_text(path, self.page)
         return Path(path)
 

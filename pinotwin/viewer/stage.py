@@ -22,8 +22,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.system.kernels import compiled
 from pinotwin.viewer.meshes import GREY, Colour, Rgba, parts_of
 
-FIELD_OF_VIEW = 28.0
-"""Vertical opening of the camera [deg]: a long lens keeps parallel edges nearly parallel."""
+FIELD_OF_VIEW = 28.0  # Vertical opening of the camera [deg]: a long lens keeps parallel edges nearly parallel
 
 ASPECT = 4.0 / 3.0
 _MARGIN = 1.09

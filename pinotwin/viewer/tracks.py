@@ -14,8 +14,7 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
-POINTS = 1200
-"""Frames of a playback; more would make the page large and look the same."""
+POINTS = 1200  # Frames of a playback; more would make the page large and look the same
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, nearest, require
+from pinotwin.errors import InputError, require
 from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Bend, Cable, Harmonic
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.truth import Payload, Pulse, Truth
@@ -195,15 +195,14 @@ INJECT_MACHINE: Mapping[str, Callable[[Truth, Dose], Truth]] = {
 
 
 Request = Mapping[str, object] | str
+KEYS = ("axis", "effect", "seed", "size", "value")
 
 
 def parse(request: Request) -> dict[str, object]:
-    """Return a request as a mapping with the keys effect, axis, size, value and seed."""
+    """Return a request as a mapping with some of :data:`KEYS`."""
     if not isinstance(request, str):
         for key in request:
-            if key not in ("effect", "axis", "size", "value", "seed"):
-                known = "known: axis, effect, seed, size, value"
-                raise InputError(f"effect {dict(request)!r}: unknown key {key!r}; {known}")
+            require(key, KEYS, f"effect {dict(request)!r}: unknown key", InputError)
         return dict(request)
     name, _, size = request.partition("=")
     effect, _, axis = (x.strip() for x in name.partition(":"))
@@ -215,9 +214,10 @@ def parse(request: Request) -> dict[str, object]:
 
 
 def _axes_of(axis: object, truth: Truth) -> list[str]:
-    if axis is not None and axis not in truth.axes:
-        raise InputError(f"no axis {axis!r}; {nearest(str(axis), truth.axes)}")
-    return list(truth.axes) if axis is None else [str(axis)]
+    if axis is None:
+        return list(truth.axes)
+    require(str(axis), truth.axes, "no axis", InputError)
+    return [str(axis)]
 
 
 def withhold_all(truth: Truth, requests: Sequence[str]) -> Truth:
@@ -225,13 +225,12 @@ def withhold_all(truth: Truth, requests: Sequence[str]) -> Truth:
     for request in requests:
         item = parse(request)
         name = str(item["effect"])
+        require(name, [*WITHHOLD, *WITHHOLD_MACHINE], "cannot withhold", InputError)
         if name in WITHHOLD_MACHINE:
             truth = WITHHOLD_MACHINE[name](truth)
-        elif name in WITHHOLD:
+        else:
             less = {a: WITHHOLD[name](truth.axes[a]) for a in _axes_of(item.get("axis"), truth)}
             truth = replace(truth, axes={**truth.axes, **less})
-        else:
-            raise InputError(f"cannot withhold {name!r}; {nearest(name, [*WITHHOLD, *WITHHOLD_MACHINE])}")
     return truth
 
 

@@ -109,7 +109,6 @@ class Drive:
     inside: bool = False
     encoder: str = "motor"  # motor or load
     backlash: float = 0.0  # dead zone between motor and load [m or rad]
-    friction_on_load: float = 0.0  # share of friction that acts on the load [-]
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,16 @@ kernel = compiled(error_model="numpy", _nrt=False)
 
 # Controller.
 PID, KP, KV, KI, VFF, AFF, V_ALPHA, I_LIMIT, U_LIMIT, DELAY = range(10)
-# Drive: current loop per substep, flexible transmission.
-U_ALPHA, FLEXIBLE, SPRING, DAMPER, INV_ROTOR, BACKLASH, LOAD_ENCODER, LOAD_FRICTION = range(10, 18)
+# Drive: current loop per substep and mean of its remaining step, flexible transmission.
+U_ALPHA, U_MEAN, FLEXIBLE, SPRING, DAMPER, INV_ROTOR, BACKLASH, LOAD_ENCODER = range(10, 18)
 # Friction.
 LAW, BRISTLE, BRISTLE_DAMPER, LEVEL_P, LEVEL_N, STATIC, STRIBECK, VISCOUS = range(18, 26)
 QUADRATIC, BY_LOAD, WARMING, WARMING_TIME, WANDER, WANDER_RATE, CHATTER = range(26, 33)
 # Encoder.
 RESOLUTION, ERROR, ERROR_RATE, ERROR_PHASE, PITCH = range(33, 38)
-# Current loop: mean of the remaining step over a substep.
-U_MEAN = 38
 # Cable drag.
-DRAG, DRAG_RATE, DRAG_SHARP = range(39, 42)
-N_COLUMNS = 42
+DRAG, DRAG_RATE, DRAG_SHARP = range(38, 41)
+N_COLUMNS = 41
 
 # Columns of the ripple table.
 AMPLITUDE, WAVE, PHASE, MODULATION, MODULATION_PHASE, SPEED, RATE = range(7)

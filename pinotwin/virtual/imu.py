@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.log import Log
 from pinotwin.virtual.imu_sensor import ImuReading, ImuSensor, LinkMotion, SensorClock, mti630
 from pinotwin.virtual.recording import SealedTruth
@@ -40,8 +40,7 @@ def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> Im
 def link_motion(truth: SealedTruth, link: str) -> LinkMotion:
     """Return the true motion of a link; InputError if the machine has none of that name."""
     model, data = truth.model, truth.model.createData()
-    if link not in links_of(model):
-        raise InputError(f"no link {link!r} in this machine; {nearest(link, links_of(model))}")
+    require(link, links_of(model), "this machine has no link", InputError)
     frame, n = model.getFrameId(link, pin.FrameType.BODY), len(truth.t)
     R, w, a = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
     for k, state in enumerate(zip(truth.q, truth.v, truth.a, strict=True)):

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -24,11 +25,7 @@ from pinotwin.errors import DataError
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 _DEG = np.pi / 180.0
-_G = 9.81
-
-
-def _zeros() -> Floats:
-    return np.zeros(3)
+_zeros = partial(np.zeros, 3)
 
 
 @dataclass(frozen=True)
@@ -180,7 +177,7 @@ def mti630(rng: np.random.Generator, number: int = 1) -> ImuSensor:
         nonorthogonality=skewed(),
         asymmetry=rng.normal(0, 1e-4, 3),
         cubic=rng.normal(0, 3e-5, 3),
-        g_sensitivity=rng.normal(0, 1e-3 * _DEG / _G, (3, 3)),
+        g_sensitivity=rng.normal(0, 1e-3 * _DEG / 9.81, (3, 3)),
         cutoff=140.0,
     )
     accel = Triad(

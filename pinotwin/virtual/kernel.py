@@ -126,10 +126,9 @@ def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-
                 continue
             qm[i] += half * vm[i]
             passed = transmit(P, i, qm[i] - q[j], vm[i] - v[j])
-            share = P[i, c.LOAD_FRICTION]
             f[i] = friction_force(P, i, qm[i], vm[i], z, passed, extra, dt)
-            tau[j] += passed - share * f[i]
-            vm[i] += dt * P[i, c.INV_ROTOR] * (push - passed - (1.0 - share) * f[i])
+            tau[j] += passed
+            vm[i] += dt * P[i, c.INV_ROTOR] * (push - passed - f[i])
             qm[i] += half * vm[i]
         spring_efforts(axes, s, tau, dt)
         for j in range(nv):

@@ -13,7 +13,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError, require
 from pinotwin.virtual import columns as c
 from pinotwin.virtual import kernel, run
-from pinotwin.virtual.amounts import Body, inject_all, withhold_all
+from pinotwin.virtual.amounts import Body, Request, inject_all, withhold_all
 from pinotwin.virtual.axis_truth import AxisTruth, Limits
 from pinotwin.virtual.defaults import Scale, filled, resolved_axis, resolved_limits, scales
 from pinotwin.virtual.folder import Folder, read_folder
@@ -24,8 +24,6 @@ from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import assembled, axes_of, inertia_at, links_of, load_model, perturbed, tree_of
 from pinotwin.virtual.truth import Passive, Pulse, Truth
 from pinotwin.virtual.withholding import changed
-
-Injection = Mapping[str, object] | str
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class VirtualMachine:
 
     @classmethod
     def load(
-        cls, folder: Path | str, *, withhold: Sequence[str] = (), inject: Sequence[Injection] = ()
+        cls, folder: Path | str, *, withhold: Sequence[str] = (), inject: Sequence[Request] = ()
     ) -> VirtualMachine:
         """Return the virtual machine of a folder, or of its ``machine.yaml``.
 
@@ -59,7 +57,7 @@ class VirtualMachine:
 
     @classmethod
     def build(
-        cls, folder: Folder, *, withhold: Sequence[str] = (), inject: Sequence[Injection] = ()
+        cls, folder: Folder, *, withhold: Sequence[str] = (), inject: Sequence[Request] = ()
     ) -> VirtualMachine:
         """Return the virtual machine of a :class:`Folder`; see :meth:`load`."""
         model = load_model(folder.urdf, [*folder.axes.values(), *folder.passive.values()])
@@ -70,14 +68,10 @@ class VirtualMachine:
         truth = withhold_all(truth, withhold)
         truth = inject_all(truth, inject, sizes, bodies_of(folder, model))
         true, layout = true_model(truth, folder, model)
-        index = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
-        middle = np.zeros(model.nv)
-        for name, j in index.items():
-            middle[j] = np.mean(truth.axes[name].limits.travel or (0.0, 0.0))
-        inertia = np.diag(inertia_at(cad, middle))
+        inertia = np.diag(inertia_at(cad, np.delete(layout.home, list(layout.bend.values()))))
         forward = {}  # inertia of CAD and what a rotor adds to it
-        for name, j in index.items():
-            drive = truth.axes[name].drive
+        for name, joint in folder.axes.items():
+            drive, j = truth.axes[name].drive, model.getJointId(joint) - 1
             forward[name] = float(inertia[j]) + (0.0 if drive.inside else drive.rotor or 0.0)
         timing = _timing(truth, layout, true, forward)
         return cls(folder.name, truth, model, true, layout, sizes, timing, forward)

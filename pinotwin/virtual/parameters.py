@@ -83,7 +83,6 @@ def _drive_row(row: Floats, axis: AxisTruth, load: float) -> None:
     row[c.SPRING], row[c.DAMPER] = reduced * w * w, 2.0 * d.damping * w * reduced
     row[c.BACKLASH] = 0.5 * d.backlash
     row[c.LOAD_ENCODER] = float(d.encoder == "load")
-    row[c.LOAD_FRICTION] = d.friction_on_load
 
 
 def _ripple_table(axes: Sequence[AxisTruth]) -> Floats:

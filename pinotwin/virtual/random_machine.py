@@ -106,12 +106,7 @@ def _parts(rng: np.random.Generator) -> list[Part]:
 
 
 def _part(
-    name: str,
-    parent: int,
-    rotary: bool,
-    before: list[Part],
-    rng: np.random.Generator,
-    density: float = 3500.0,
+    name: str, parent: int, rotary: bool, before: list[Part], rng: np.random.Generator, density: float = 3.5e3
 ) -> Part:
     """Return an axis; ``density`` is that of a ribbed machine part, hollow as castings are [kg/m³]."""
     edge = 0.45 * 0.78 ** len(before)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, nearest
+from pinotwin.errors import InputError, require
 from pinotwin.log import Log
 
 
@@ -28,8 +28,7 @@ class SealedTruth:
 
     def joint(self, name: str) -> tuple[Floats, Floats, Floats]:
         """Return true position, velocity and acceleration of a joint, each of shape (m,)."""
-        if name not in self.joints:
-            raise InputError(f"no joint {name!r} in the truth; {nearest(name, self.joints)}")
+        require(name, self.joints, "the truth has no joint", InputError)
         j = self.joints.index(name)
         return self.q[:, j], self.v[:, j], self.a[:, j]
 

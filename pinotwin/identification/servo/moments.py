@@ -12,7 +12,7 @@ Automatica 41). Dead time, and what the moments leave open, are the output error
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +20,11 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.law_alone import LawAlone
 from pinotwin.identification.servo.output_error import Found, Search, polish, search_of
-from pinotwin.identification.servo.problem import DRIVES, AxisProblem
+from pinotwin.identification.servo.problem import DRIVES, AxisProblem, Usual
 from pinotwin.loop.servo import SHAPES, Servo
 
 LATER = (0.7, 1.4)
 """Shares of the velocity's lag from which a cascade is searched: each way round it has one of its own."""
-Usual = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)

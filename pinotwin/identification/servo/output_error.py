@@ -5,7 +5,7 @@ Output error (Ljung 1999, 7.2) by Levenberg-Marquardt, on windows that begin in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.identification.servo.problem import AS_FOUND, PLANT, AxisProblem, Factors
+from pinotwin.identification.servo.problem import AS_FOUND, PLANT, AxisProblem, Factors, Usual
 from pinotwin.loop.servo import SHAPES, Servo
 
 FORWARD = (-0.5, 1.5, 0.5)
@@ -54,7 +54,7 @@ class Search:
             gains = list(Servo.of_cascade(**named, velocity_lag=lag).gains)
         return replace(self.start, gains=tuple(gains), notch=(notch[0], notch[1], notch[2]), **shapes)
 
-    def doubt(self, x: Floats, usual: Mapping[str, tuple[float, float]], inertia: float) -> Floats:
+    def doubt(self, x: Floats, usual: Usual, inertia: float) -> Floats:
         """Return how far shapes and feed-forward are from usual ones, in standard deviations of what drives have."""
         servo = self.servo(x)
         share, (least, most, beyond) = servo.gains[5] / inertia, FORWARD

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
@@ -16,7 +16,8 @@ from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.law import Law
 from pinotwin.simulation.state import Lookup
 
-DRIVES = {
+Usual = Mapping[str, tuple[float, float]]
+DRIVES: Usual = {
     "velocity_lag": (4e-4, 1.0),
     "output_lag": (2e-4, 1.0),
     "dead": (1.2e-4, 1.0),
@@ -36,6 +37,7 @@ Factors = tuple[float, float, float, float, float]
 """On inertia, viscous friction, dry friction at speed, the part of it that fades with speed, and the distance over
 which it turns round (presliding)."""
 AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0, 1.0)
+Check = Callable[[Factors], bool]  # Whether factors are believed
 
 
 @cache
@@ -72,7 +74,7 @@ class AxisProblem:
     stretches: tuple[slice, ...] = ()  # rows without a gap
     sizes: Floats = field(default_factory=lambda: np.ones(2))  # RMS of e and u over the windows, shape (2,)
     noise: Floats = field(default_factory=lambda: np.ones(2))  # share below which an error is none
-    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: DRIVES)  # usual shapes
+    usual: Usual = field(default_factory=lambda: DRIVES)  # usual shapes
     correlated: float = 20.0  # rows of residual that tell as much as one independent row
     quiet: float = 5e-4  # error of a signal, as a share of its RMS, that is no worse than none
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from pinotwin.identification.servo.certainty import same_gains, with_errors
 from pinotwin.identification.servo.law_alone import Clock
 from pinotwin.identification.servo.moments import beside_moments, by_moments
 from pinotwin.identification.servo.output_error import Found, free_gains, misfit, polish
-from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, AxisProblem, Factors
+from pinotwin.identification.servo.problem import AS_FOUND, DRIVES, AxisProblem, Check, Usual
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation.law import LONGEST
@@ -26,11 +26,7 @@ STANDSTILL = ("fading", "distance")
 
 
 def look(
-    p: AxisProblem,
-    friction: tuple[str, ...],
-    allowed: Callable[[Factors], bool],
-    settings: Settings = USUAL,
-    fits: float = 4.0,
+    p: AxisProblem, friction: Sequence[str], allowed: Check, settings: Settings = USUAL, fits: float = 4.0
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
@@ -75,16 +71,11 @@ def look(
 
 
 def _with_friction(
-    train: AxisProblem,
-    judge: AxisProblem,
-    best: Found,
-    friction: tuple[str, ...],
-    allowed: Callable[[Factors], bool],
-    pays: float,
+    train: AxisProblem, judge: AxisProblem, best: Found, friction: Sequence[str], allowed: Check, pays: float
 ) -> Found | None:
     """Return the law beside friction that predicts windows not fitted better; None where no refinement does."""
     slow = tuple(name for name in friction if name in STANDSTILL)
-    for names in dict.fromkeys((friction, slow)):
+    for names in dict.fromkeys((tuple(friction), slow)):
         refined = polish(train, best.servo, names, BRIEF + REPOLISH) if names else None
         if refined is None:
             continue
@@ -119,12 +110,7 @@ def afresh(p: AxisProblem) -> list[Found]:
     return sorted((polish(p, f.servo) or f for f in good), key=lambda f: f.cost)
 
 
-def settle(
-    p: AxisProblem,
-    found: Found,
-    usual: Mapping[str, tuple[float, float]] = DRIVES,
-    settings: Settings = USUAL,
-) -> Found:
+def settle(p: AxisProblem, found: Found, usual: Usual = DRIVES, settings: Settings = USUAL) -> Found:
     """Return the controller with gains and shapes from all windows, intervals, and the cascade that fits as well."""
     p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found

@@ -55,11 +55,11 @@ def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool 
 
 
 def _name_joints(names: list[str], texts: dict[str, str], timeless: bool, content: Content) -> None:
-    """Give the columns of joint states the names that stand in the table, and a table without a clock its stamps."""
-    joints = joint_columns(names, texts, content.arrays)
+    """Name the columns of joint states by ``texts``, what columns of one text hold; a clock is made of stamps."""
+    joints = _by_header(texts, content.arrays) or _by_order(names, texts, content.arrays)
     if not joints:
         return
-    t = stamps(names, content.arrays) if timeless else None
+    t = _stamps(names, content.arrays) if timeless else None
     content.arrays = {joints.get(name, name): x for name, x in content.arrays.items()}
     found = dict.fromkeys(joint.rpartition(".")[0] for joint in joints.values())
     content.notes.append(f"joints by their names in the file: {', '.join(found)}")
@@ -85,8 +85,8 @@ def _onto_one_clock(clock: str, content: Content, source: str) -> None:
 
 
 def _is_number(kind: pa.DataType) -> bool:
-    checks = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
-    return any(check(kind) for check in checks)
+    of = pa.types
+    return of.is_integer(kind) or of.is_floating(kind) or of.is_boolean(kind) or of.is_decimal(kind)
 
 
 def _floats(column: pa.ChunkedArray) -> np.ndarray:
@@ -115,14 +115,7 @@ def _take_list(name: str, column: pa.ChunkedArray, content: Content) -> None:
 _NUMBERED = re.compile(r"(.*?)(name|position|velocity|effort)(?:\[|_)?(\d+)\]?$")
 
 
-def joint_columns(
-    columns: Sequence[str], texts: Mapping[str, str], arrays: Mapping[str, NDArray[np.generic]]
-) -> dict[str, str]:
-    """Return column -> ``<joint>.q .v .u`` by the names in ``texts``: columns that hold one text throughout -> it."""
-    return _by_header(texts, arrays) or _by_order(columns, texts, arrays)
-
-
-def stamps(columns: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) -> Floats | None:
+def _stamps(columns: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) -> Floats | None:
     """Return the clock [s] of a table without a header that begins with seconds and nanoseconds, each of shape (n,)."""
     if len(columns) < 2 or not set(columns[:2]) <= set(arrays):
         return None
@@ -135,6 +128,7 @@ def stamps(columns: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) ->
 
 
 def _by_header(texts: Mapping[str, str], arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, str]:
+    """Return column -> ``<joint>.q .v .u`` where the number of a column is that of a name's."""
     names = {
         (m[1], m[3]): joint for c, joint in texts.items() if (m := _NUMBERED.match(c)) and m[2] == "name"
     }
@@ -169,12 +163,9 @@ def _by_order(
 
 def _second(behind: Sequence[str], joints: int, arrays: Mapping[str, NDArray[np.generic]]) -> str:
     """Return whether the second group is speeds (it goes with the change of the first) or efforts."""
-    pairs = zip(behind[:joints], behind[joints:], strict=True)
-    alike = [
-        np.corrcoef(np.gradient(np.asarray(arrays[q], dtype=float)), np.asarray(arrays[x], dtype=float))[0, 1]
-        for q, x in pairs
-        if np.ptp(arrays[q]) > 0 and np.ptp(arrays[x]) > 0
-    ]
+    columns = [np.asarray(arrays[c], dtype=float) for c in behind]
+    pairs = zip(columns[:joints], columns[joints:], strict=True)
+    alike = [np.corrcoef(np.gradient(q), x)[0, 1] for q, x in pairs if np.ptp(q) > 0 and np.ptp(x) > 0]
     return "v" if alike and float(np.median(alike)) > 0.9 else "u"
 
 

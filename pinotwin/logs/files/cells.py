@@ -111,10 +111,8 @@ def seconds(cells: pa.ChunkedArray) -> tuple[Floats, list[str]]:
     dated = bool(_texts(found, "Y")[first])
     if dated:
         month = 12.0 * (_number(found, "Y") - 1970.0) + _number(found, "m") - 1.0
-        day = (
-            month[known].astype("datetime64[M]").astype("datetime64[D]").astype(float)
-            + _number(found, "d")[known]
-        )
+        first_of_month = month[known].astype("datetime64[M]").astype("datetime64[D]").astype(float)
+        day = first_of_month + _number(found, "d")[known]
         t[known] += _DAY * (day - day[0])
     else:
         t[known] += _DAY * np.concatenate([[0.0], np.cumsum(np.diff(t[known]) < -0.5 * _DAY)])
@@ -126,8 +124,7 @@ def seconds(cells: pa.ChunkedArray) -> tuple[Floats, list[str]]:
 
 
 def _texts(found: pa.ChunkedArray, name: str) -> np.ndarray:
-    part = pc.fill_null(pc.struct_field(found, name), "")
-    return np.array(part.to_pylist(), dtype=str)
+    return np.array(pc.fill_null(pc.struct_field(found, name), "").to_pylist(), dtype=str)
 
 
 def _number(found: pa.ChunkedArray, name: str) -> Floats:

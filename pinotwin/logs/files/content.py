@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import LogError
+from pinotwin.errors import LogError, some
 from pinotwin.log import Log, split_unit
 
 SHORT = 64  # longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel
@@ -142,9 +142,9 @@ def to_log(content: Content, source: str, only: str | None = None) -> Log:
         else:
             other.append(f"{name} {x.shape}")
     if other:
-        notes.append(f"left out, not of length {n}: {_names(other)}")
+        notes.append(f"left out, not of length {n}: {some(other)}")
     if content.left_out:
-        notes.append(f"left out, not numbers: {_names(content.left_out)}")
+        notes.append(f"left out, not numbers: {some(content.left_out)}")
     notes += _sift(channels, content.stated)
     channels, units = _named(channels, content.units)
     notes += _missing(channels, content.place)
@@ -195,7 +195,7 @@ def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
                 del channels[name]
         else:
             told = [name for name in names if name != stated[name]]
-            notes.append(f"{len(names)} columns are named {family!r}, distinguished as {_names(told)}")
+            notes.append(f"{len(names)} columns are named {family!r}, distinguished as {some(told)}")
     return notes
 
 
@@ -226,8 +226,3 @@ def _missing(channels: dict[str, Floats], place: Callable[[int], str]) -> list[s
         elif max(x.max(initial=0.0), -x.min(initial=0.0)) > _EPOCH_EXACT:
             notes.append(f"{name}: numbers above 2^53 lost their last digits as floats")
     return notes
-
-
-def _names(names: list[str], most: int = 8) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest

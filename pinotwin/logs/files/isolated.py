@@ -21,6 +21,7 @@ from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content, limited
 
 Loader = Callable[[Path, str], Content]
+_ENDED = "cannot be read: {}: the file is damaged; export it again"
 _TOO_LARGE = "holds more than its size allows for: the file is damaged; export it again"
 
 
@@ -41,16 +42,14 @@ def load(
     """
     size = path.stat().st_size
     seconds += size / rate
-    said, why = _read(loader, path, source, seconds, memory + expansion * size)
+    said = _read(loader, path, source, seconds, memory + expansion * size)
     if isinstance(said, Content):
         return said
-    raise LogError(said or f"{source}: {why}")
+    raise LogError(said)
 
 
-def _read(
-    loader: Loader, path: Path, source: str, seconds: float, memory: int
-) -> tuple[Content | str | None, str]:
-    """Return what another interpreter read or complains of; None, and why, if it did not come to its end."""
+def _read(loader: Loader, path: Path, source: str, seconds: float, memory: int) -> Content | str:
+    """Return what another interpreter read, what it complains of, or why it did not come to its end."""
     words = [sys.executable, "-P", "-m", __name__, loader.__module__, loader.__qualname__, str(path), source]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     end, content = time.monotonic() + seconds, b""
@@ -61,19 +60,17 @@ def _read(
                     content, _ = job.communicate(timeout=0.05)
                     continue
                 if time.monotonic() > end:
-                    return None, _ended(f"its reader was not done after {seconds:.0f} s")
+                    return f"{source}: {_ENDED.format(f'its reader was not done after {seconds:.0f} s')}"
                 if _resident(job.pid) > memory:
-                    return None, _TOO_LARGE
+                    return f"{source}: {_TOO_LARGE}"
         finally:
             job.kill()
     code = job.returncode
     if code == 0:
-        return ForkingPickler.loads(content), ""
-    return None, _ended(f"it ended its reader ({signal.Signals(-code).name if code < 0 else f'exit {code}'})")
-
-
-def _ended(why: str) -> str:
-    return f"cannot be read: {why}: the file is damaged; export it again"
+        read: Content | str = ForkingPickler.loads(content)
+        return read
+    how = signal.Signals(-code).name if code < 0 else f"exit {code}"
+    return f"{source}: {_ENDED.format(f'it ended its reader ({how})')}"
 
 
 def _resident(process: int) -> int:

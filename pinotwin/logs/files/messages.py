@@ -104,8 +104,7 @@ def joint_names(message: Mapping[str, object]) -> list[str]:
     names = message.get("name", message.get("joint_names"))
     if not isinstance(names, list | tuple) or not names or not all(isinstance(n, str) for n in names):
         return []
-    fits = any(len(x) == len(names) for _, x in _lists(message))
-    return list(names) if fits else []
+    return list(names) if any(len(x) == len(names) for _, x in _lists(message)) else []
 
 
 def joint_signals(message: Mapping[str, object], joints: Sequence[str]) -> Iterator[tuple[str, float]]:

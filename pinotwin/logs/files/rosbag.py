@@ -71,8 +71,7 @@ def load(path: Path, source: str) -> Content:
             _verify_chunks(reader.readers[0], path, source)
             known = [c for c in reader.connections if _known(reader, c, unknown)]
             for connection, logged, raw in reader.messages(connections=known) if known else ():
-                message = reader.deserialize(raw, connection.msgtype)
-                _take(message, connection, logged, topics, text)
+                _take(reader.deserialize(raw, connection.msgtype), connection, logged, topics, text)
             lost = list(_lost(known, topics))
     except _BROKEN as error:
         raise damaged(source, error, "repair it with `ros2 bag reindex` or copy it again") from None

@@ -233,18 +233,13 @@ class _Watched(io.RawIOBase):
 def _read(body: _Body, types: dict[str, pa.DataType], seen: Seen | None = None) -> pa.Table:
     text = memoryview(body.text)[body.start : body.end]
     rows = pa.BufferReader(pa.py_buffer(text)) if seen is None else _Watched(text, seen)
+    point = body.layout.decimal
     single = len(body.names) == 1  # there a blank line is a missing value
     return pacsv.read_csv(
         rows,
         pacsv.ReadOptions(column_names=body.names, block_size=1 << 22),
         pacsv.ParseOptions(delimiter=body.delimiter, ignore_empty_lines=not single),
-        pacsv.ConvertOptions(
-            column_types=types,
-            null_values=_NULLS,
-            decimal_point=body.layout.decimal,
-            strings_can_be_null=False,
-            check_utf8=False,
-        ),
+        pacsv.ConvertOptions(check_utf8=False, column_types=types, null_values=_NULLS, decimal_point=point),
     )
 
 

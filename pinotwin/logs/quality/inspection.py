@@ -18,8 +18,6 @@ from pinotwin.logs.quality.values import quantisation_step, saturated_rows, sign
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import Clock, clock
 
-_ORDER = {"error": 0, "warning": 1, "info": 2}
-
 
 def inspect(
     log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | None = None, settings: Settings = USUAL
@@ -39,7 +37,7 @@ def inspect(
     torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
     findings = [f for f in findings if not (f.code == "speed_limit" and f.channel in torn)] + rows
     findings += [Finding("info", "", note) for note in _untold(log, channels)]
-    findings.sort(key=lambda f: _ORDER[f.severity])
+    findings.sort(key=lambda f: ("error", "warning", "info").index(f.severity))
     stamps = log.t[np.isfinite(log.t)] if "t" in log else np.zeros(1)
     return Quality(
         source=log.source,
@@ -86,7 +84,6 @@ def _channel(log: Log, name: str) -> ChannelQuality:
     factor = abs(log.scale.get(name, (1.0, 0.0))[0])
     raw = log.raw(name)
     step = quantisation_step(raw)
-    saturated = name.endswith(".u") and saturated_rows(raw)
     return ChannelQuality(
         missing=len(x) - len(good),
         low=float(good.min()) if len(good) else float("nan"),
@@ -94,7 +91,7 @@ def _channel(log: Log, name: str) -> ChannelQuality:
         constant=len(good) > 0 and bool(np.ptp(good) == 0),
         step=None if step is None else step * factor,
         digits=significant_digits(raw),
-        saturated=float(np.mean(saturated)),
+        saturated=float(np.mean(name.endswith(".u") and saturated_rows(raw))),
     )
 
 

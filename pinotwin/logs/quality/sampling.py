@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.signals import Clock, clock, uniform
+from pinotwin.signals import Clock, clock, joined, uniform
 
 
 def clock_findings(c: Clock, settings: Settings = USUAL) -> Iterator[Finding]:
@@ -51,15 +50,11 @@ def implausible_clock(c: Clock) -> str:
     slowest, fastest = 2.0, 2e5  # rates [Hz] that servos are logged at
     if slowest <= c.rate <= fastest:
         return ""
+    said = f"{c.rate:.3g} samples per second"
     if c.rate > fastest:
-        return (
-            f"{c.rate:.3g} samples per second: no servo is logged so fast; correct unit of t in machine.yaml"
-        )
+        return f"{said}: no servo is logged so fast; correct unit of t in machine.yaml"
     unit = next((u for u, factor in (("ms", 1e3), ("us", 1e6)) if c.rate * factor >= 20.0), "ns")
-    return (
-        f"{c.rate:.3g} samples per second look like a clock in {unit}: set unit: {unit} for t under columns in "
-        "machine.yaml"
-    )
+    return f"{said} look like a clock in {unit}: set unit: {unit} for t under columns in machine.yaml"
 
 
 def resample(log: LogLike, rate: float, gap: float = 5.0, *, smooth: bool = False) -> Log:
@@ -86,22 +81,18 @@ def resample(log: LogLike, rate: float, gap: float = 5.0, *, smooth: bool = Fals
         before = clock(log.t)
     except DataError as error:
         raise LogError(f"{log.source}: {error}") from None
-    fresh = np.isfinite(log.t) & np.r_[True, np.diff(log.t) != 0]
-    kept = log.rows(fresh)
-    dt = np.diff(kept.t)
-    breaks = np.flatnonzero((dt <= 0) | (dt > gap * before.step)) + 1
-    edges = [0, *(int(b) for b in breaks), len(kept)]
-    stretches = [slice(a, b) for a, b in pairwise(edges) if b - a > 1]
+    stamped = log.rows(np.isfinite(log.t))
+    kept = stamped.rows(np.diff(stamped.t, prepend=np.nan) != 0)
+    stretches = [s for s in joined(kept.t, gap * before.step) if s.stop - s.start > 1]
     names = [name for name in kept.channels if name != "t"]
     table = np.column_stack([kept[name] for name in names]) if names else np.empty((len(kept), 0))
     t, x, parts = uniform(kept.t, table, rate, stretches)
     notes = [
         f"resampled from about {before.rate:.4g} Hz (jitter {1e3 * before.jitter_rms:.3g} ms rms) "
-        f"to {rate:g} Hz by linear interpolation: {len(log)} rows became {len(t)} in {len(parts)} "
-        "stretches"
+        f"to {rate:g} Hz by linear interpolation: {len(log)} rows became {len(t)} in {len(parts)} stretches"
     ]
-    if not fresh.all():
-        notes.append(f"{int((~fresh).sum())} rows with a duplicated or missing stamp were left out")
+    if len(kept) < len(log):
+        notes.append(f"{len(log) - len(kept)} rows with a duplicated or missing stamp were left out")
     if rate < 0.9 * before.rate and not smooth:
         notes.append("the new rate is lower and nothing was low-passed before: signals may alias")
     return log.with_channels({"t": t, **dict(zip(names, x.T, strict=True))}, notes)
