@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.diagnosis.data.samples import Sample, sample
-from pinotwin.diagnosis.rules import RULES
 from pinotwin.motion import Motion
 
 RATE, SECONDS = 100.0, 30.0
@@ -22,4 +21,4 @@ def motion(seed: int = 0) -> Motion:
 
 
 def rows(residual: np.ndarray, seed: int = 0) -> Sample:
-    return sample(motion(seed), residual[:, None], RULES.block_time)
+    return sample(motion(seed), residual[:, None])

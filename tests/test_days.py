@@ -242,10 +242,14 @@ def test_a_command_rougher_than_the_drive_followed_is_a_fault_of_the_recording(
 def test_rows_written_twice_are_a_fault_of_the_recording(folder: Path, twin: pt.Twin) -> None:
     log, rng = pt.read(folder / "none_0.csv"), np.random.default_rng(0)
     rows = np.sort(np.r_[: len(log), rng.choice(len(log), len(log) // 50, replace=False)])
-    twice = {k: np.asarray(log[k])[rows] for k in log.channels}
-    found = pt.diagnose(twin, pt.Log({**twice, "t": np.arange(len(rows)) * 0.002}))
+    spoilt = pt.Log(
+        {**{k: np.asarray(log[k])[rows] for k in log.channels}, "t": np.arange(len(rows)) * 0.002}
+    )
+    found = pt.diagnose(twin, spoilt)
     assert list(found.effects) == []
     assert [x["fault"] for x in found.recording] == ["rows_doubled"]
+    same = replace(twin, data=[*twin.data, pt.identify(twin.machine, spoilt, loop=False).data[0]])
+    assert not pt.diagnose(same, spoilt).recording  # the recorder of its own logs does so, too
 
 
 @pytest.mark.parametrize("ahead", [0.0, 1e-3])

@@ -192,7 +192,7 @@ def test_the_loudest_frequencies_are_those_that_were_put_in() -> None:
         [np.arange(0.0, 8.0, 0.005), np.arange(0.0, 5.0, 0.005), np.arange(1e9, 1e9 + 2.0, 0.005)]
     )
     left = np.sin(2.0 * np.pi * 41.27 * t) + 0.5 * np.cos(2.0 * np.pi * 63.0 * t)
-    found = loudest(t, left, 25.0)
+    found = loudest(t, left)
     assert len(found) == LOUDEST
     assert found[0] == pytest.approx(41.27, abs=0.03)
     assert min(abs(f - 63.0) for f in found) < 0.1

@@ -41,7 +41,7 @@ def test_a_delay_moves_all_of_the_effort(span: float, seconds: float, whole: boo
 def test_the_rows_that_are_skimmed_are_rows_of_the_sample() -> None:
     """Of an effect without states, and of one that has to be followed on finer rows."""
     s = rows(np.zeros(int(RATE * SECONDS)))
-    coarse = sample(replace(s.motion, decimation=3), np.zeros((len(s.motion), 1)), RULES.block_time)
+    coarse = sample(replace(s.motion, decimation=3), np.zeros((len(s.motion), 1)))
     for effect in (Ripple("X", period=0.3), Presliding("X")):
         few, at = coarse.skimmed(effect, s)
         assert len(at[0]) <= SKIMMED_ROWS
@@ -51,12 +51,12 @@ def test_the_rows_that_are_skimmed_are_rows_of_the_sample() -> None:
 
 def test_validation_rows_beyond_the_travel_of_the_logs_judge_nothing() -> None:
     zero, wide = np.zeros(int(RATE * SECONDS)), motion(3)
-    new, unseen = rows(zero), sample(replace(wide, q=1.5 * wide.q), zero[:, None], RULES.block_time)
+    new, unseen = rows(zero), sample(replace(wide, q=1.5 * wide.q), zero[:, None])
     q = unseen.motion.q[unseen.samples(0), 0]
     low, high = (f(new.motion.q[new.samples(0), 0]) for f in (np.min, np.max))
     kept = within(unseen, new)
     left = kept.motion.q[kept.samples(0), 0]
-    assert len(left) == len(kept.residual[0]) == len(kept.block[0])
+    assert len(left) == len(kept.residual[0])
     assert np.count_nonzero((q >= low) & (q <= high)) <= len(left) < len(q)
     assert left.min() > low - 0.05
     assert left.max() < high + 0.05
@@ -67,7 +67,7 @@ def test_noise_is_what_two_runs_of_one_command_do_not_leave_alike() -> None:
     alike, slow = 3.0 * np.sin(2.0 * m.q), np.sqrt(2.0) * np.sin(5.0 * m.t)[:, None]
     both = Motion.join([m, m])
     left = np.concatenate([alike + slow, alike - slow])
-    new = sample(both, left, RULES.block_time)
+    new = sample(both, left)
     assert residual_noise(new, left, [m, m])[0] == pytest.approx(np.sqrt(2.0), rel=0.02)
     assert residual_noise(new, left, [m, motion(3)]) == {}  # two other motions: what is noise is not known
 
@@ -92,13 +92,13 @@ def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) 
     v[still], vr[still] = 0.03 * np.abs(v).max(), 0.0
     use = m.use | still[:, None]
     shaken = replace(m, v=v, vr=vr, use=use)
-    rows = sample(shaken, np.zeros_like(m.u), 0.5).samples(0)
+    rows = sample(shaken, np.zeros_like(m.u)).samples(0)
     settled = still.copy()
     settled[: len(still) // 2 + round((RULES.settles + 0.01) / m.step)] = False
     assert settled.any()
     assert not settled[rows].any()
     moved = replace(shaken, vr=np.where(still[:, None], v, vr))
-    assert settled[sample(moved, np.zeros_like(m.u), 0.5).samples(0)].any()
+    assert settled[sample(moved, np.zeros_like(m.u)).samples(0)].any()
 
 
 def test_before_the_first_move_of_a_log_an_axis_is_at_rest(twin: Twin) -> None:

@@ -314,8 +314,14 @@ def test_the_table_never_says_more_than_the_folders(tmp_path: Path) -> None:
     assert [each.known_answer(job) is None for job in _jobs(tmp_path, names)] == [False, True, False]
 
 
-def _jobs(tmp_path: Path, logs: list[str]) -> list[each.Job]:
-    return each.jobs_of(logs, each.Asked("emps", (), None, True, 0, None), tmp_path / "out")
+def _jobs(tmp_path: Path, logs: list[str], **options: float) -> list[each.Job]:
+    return each.jobs_of(logs, each.Asked("emps", (), None, True, 0, None, **options), tmp_path / "out")
+
+
+def test_another_rate_of_false_alarms_is_another_question(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("a night")
+    one, other = (_jobs(tmp_path, [str(tmp_path / "a.csv")], false_alarm=x)[0] for x in (0.02, 0.1))
+    assert one.made_of != other.made_of
 
 
 @pytest.mark.usefixtures("in_this_process")

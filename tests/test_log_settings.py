@@ -217,6 +217,16 @@ def test_a_second_encoder_in_another_unit_is_said(tmp_path: Path) -> None:
     )
 
 
+def test_a_motor_that_turns_two_joints_is_said_with_its_transmission(tmp_path: Path) -> None:
+    t = log().t
+    turn = 0.3 * np.sin(2.9 * t + 0.7)
+    found = check(rig(tmp_path), log(B_q=turn, X_ql=2.0 * wave(t) - 0.5 * turn)).findings
+    line = next(f.message for f in found if f.channel == "X.ql")
+    assert line.endswith(
+        "its motor turns several joints; write transmission: {X: {X: 0.5, B: 0.25}} in machine.yaml"
+    )
+
+
 def test_where_the_loop_is_closed_is_one_of_two(tmp_path: Path) -> None:
     with pytest.raises(MachineError, match=r"loop\.X\.closed_on: expected motor or load, found 'both'"):
         rig(tmp_path, "loop: {X: {closed_on: both}}\n")

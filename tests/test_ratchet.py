@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_624,
-    module_numbers: 108,
-    numbers_without_unit: 293,
+    lines: 55_074,
+    module_numbers: 107,
+    numbers_without_unit: 292,
     stories: 5,
 }
 

@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats
 from pinotwin.bench.produce import Produced
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.days.ground import Ground
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.errors import DataError
 from pinotwin.signals import rms
 from pinotwin.twin import Twin

@@ -151,7 +151,8 @@ def _made_of(asked: Asked) -> str:
         digest.update(asked.subject.encode())  # the name of a machine that pinotwin brings
     for log in (*asked.validate, *asked.effects):
         digest.update(_digest(log).encode())
-    digest.update(json.dumps([asked.resample, asked.quick, asked.seed, asked.meshes]).encode())
+    options = [asked.resample, asked.quick, asked.seed, asked.meshes, asked.false_alarm]
+    digest.update(json.dumps(options).encode())
     return digest.hexdigest()
 
 

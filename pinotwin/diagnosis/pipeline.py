@@ -21,9 +21,9 @@ from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.days.account import Account, alike
 from pinotwin.diagnosis.days.answer import diagnosed
 from pinotwin.diagnosis.days.body import undetermined
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.structure import Lacking, lacking
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
 from pinotwin.diagnosis.signals.servo import limits
 from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, unused

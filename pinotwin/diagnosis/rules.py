@@ -12,8 +12,6 @@ from dataclasses import dataclass
 class Rules:
     """Thresholds of the diagnosis."""
 
-    block_time: float = 0.5
-    """[s] Shortest stretch of a log that counts as one witness."""
     standing: float = 0.002
     """[of the top commanded speed] Below it a command stands."""
     settles: float = 0.2

@@ -68,7 +68,7 @@ class Pitched(AxisEffect):
         return (Shape("period", self.unit("x"), *self._bounds()),) if self.free_pitch else ()
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """Return pitches [m or rad] up to the longest that repeats: a single wave takes up whatever a model account."""
+        """Return pitches [m or rad] up to the longest that repeats: a single wave takes up whatever a model lacks."""
         if not self.free_pitch:
             return ()
         low, high = self._bounds()

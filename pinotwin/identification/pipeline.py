@@ -25,12 +25,13 @@ from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.scale import Sizes, with_sizes
-from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.settings import USUAL, Settings, Tell
 from pinotwin.identification.smooth import memory
 from pinotwin.identification.springs import find_springs
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.prepare import EvenLogs, prepare
+from pinotwin.logs.quality.recorded import habits
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
@@ -51,7 +52,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     cutoff: float | None = None,
     decimate: int | None = None,
     resample: float | None = None,
-    report: Callable[[str, float], None] | None = None,
+    report: Tell | None = None,
     springs: bool = True,
     effects: Iterable[Any] | Mapping[str, Iterable[Any]] = (),
     settings: Settings = USUAL,
@@ -99,7 +100,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     closed = replace(closed, plant=sizes.stated(closed.plant))
     said = [*sizes.notes(machine), *warnings(quality, plant, fit.motion, settings), *closed.warnings]
     quality["warnings"] = [*bending_warnings(bending), *said]
-    data = [provenance(item, fit.motion) for item in given]
+    data = [provenance(raw, bound, fit.motion) for raw, bound in zip(given, logs, strict=True)]
     return _twin(closed, fit, validated, settings, quality, data=data, settings=preparation)
 
 
@@ -225,12 +226,13 @@ def _preparation(machine: Machine, motion: Motion) -> dict[str, Any]:
     }
 
 
-def provenance(log: Log, motion: Motion) -> dict[str, Any]:
-    """Return what a twin says of a log that it was fitted to."""
+def provenance(log: Log, bound: Log, motion: Motion) -> dict[str, Any]:
+    """Return what a twin says of a log that it was fitted to, as it was read and with its columns bound."""
     return {
         "source": log.source,
         "samples": len(log),
         "rate": 1.0 / motion.step,
         "fingerprint": log.fingerprint(),
+        "recorded": habits(bound, motion.names),
         "notes": [*log.notes, *(note.removeprefix(f"{log.source}: ") for note in motion.notes)],
     }

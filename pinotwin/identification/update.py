@@ -6,7 +6,7 @@ shapes, leads, corner of the low-pass and controllers stay, and what the closed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from pinotwin.identification.judge import CrossValidated, error_row, judge, log_
 from pinotwin.identification.misfit import misfit_with
 from pinotwin.identification.pipeline import provenance
 from pinotwin.identification.plant import Plant, fit_options, open_loop, standard_parameters
-from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.settings import USUAL, Settings, Tell
 from pinotwin.identification.smooth import memory
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -48,7 +48,7 @@ def update(
     twin: TwinLike,
     log: LogLike | Sequence[LogLike],
     *,
-    report: Callable[[str, float], None] | None = None,
+    report: Tell | None = None,
     settings: Settings = USUAL,
 ) -> Twin:
     """Add healthy logs to a twin, as if it had been identified from all of them at the shapes that it has.
@@ -79,7 +79,7 @@ def update(
     new = [_motion(twin, twin.misfit.motion.step, item) for item in fresh.values()]
     tell("adding the logs", 0.4)
     found = _added(twin, twin.moments, twin.misfit, new, settings)
-    data = [provenance(item, motion) for item, motion in zip(fresh.values(), new, strict=True)]
+    data = [provenance(x, bind(x, twin.machine.columns), m) for x, m in zip(fresh.values(), new, strict=True)]
     return replace(found, data=[*twin.data, *data])
 
 

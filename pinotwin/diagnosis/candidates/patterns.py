@@ -129,12 +129,13 @@ class PositionSpeedCurve(Curve):
         return self._hats(motion.q) * (np.sign(motion.v) if self.dry else motion.v)[:, None]
 
 
-LOUDEST = 3  # Frequencies above those of the grid that are tried: where the spectrum of what is left peaks
+LOUDEST = 40  # Frequencies that are tried: where the spectrum of what is left peaks
+SLOWEST = 1.0  # [Hz] What is slower comes with the motion
 PAUSE = 60.0
 """[s] A longer one parts a log as well: a spectrum over the hours between two days' logs would tell no more."""
 
 
-def loudest(t: Floats, left: Floats, above: float) -> list[float]:
+def loudest(t: Floats, left: Floats) -> list[float]:
     """Return the frequencies of the highest peaks of a spectrum, of all logs together [Hz]."""
     step = float(np.median(np.diff(t)))
     logs = joined(t, PAUSE)
@@ -145,7 +146,7 @@ def loudest(t: Floats, left: Floats, above: float) -> list[float]:
         even[np.round((t[part] - t[part][0]) / step).astype(int)] = left[part]
         power += np.abs(np.fft.rfft(even, 4 * count)) ** 2
     frequency = np.fft.rfftfreq(4 * count, step)
-    power[(frequency < above) | (frequency > 0.4 / step)] = 0.0
+    power[(frequency < SLOWEST) | (frequency > 0.4 / step)] = 0.0
     peaks, _ = find_peaks(power)
     return [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:LOUDEST]]
 
@@ -160,13 +161,11 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         rows = comparison.new.samples(j)
         q, v, t = motion.q[rows, j], motion.v[rows, j], motion.t[rows]
         low, high = np.quantile(v, [0.005, 0.995])
-        travel, duration = float(np.ptp(q)), float(np.ptp(t))
+        travel = float(np.ptp(q))
         if travel <= 0.0:
             continue
-        highest = min(25.0, 0.4 / motion.step)  # below half the rate
-        even = np.arange(1.0, highest, 0.6 / max(duration, 1.0))
-        for f in (*even, *loudest(t, comparison.new.residual[j], highest)):
-            yield Hum(axis.name, axis.rotary, frequency=float(f))
+        for f in loudest(t, comparison.new.residual[j]):
+            yield Hum(axis.name, axis.rotary, frequency=f)
         yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots)

@@ -69,11 +69,6 @@ class Comparison:
         ready |= {k: Prepared.of(self.machine, log, self.twin.settings) for k, log in left_out.items()}
         return [ready[k] for k in range(len(given))]
 
-    @property
-    def samples(self) -> tuple[Sample, ...]:
-        """All samples there are, the logs in question first."""
-        return tuple(s for s in (self.new, self.own, self.unseen) if s is not None)
-
     @cached_property
     def rubs(self) -> Mapping[int, Floats]:
         """Joint -> course of every friction that the twin knows of it, on the rows in question [N or N·m], (m, k)."""
@@ -97,17 +92,17 @@ def compare(
 
     ``pooled``: runs that differ are kept together where their command is logged: the judgement tells them apart.
     """
-    change, block = isinstance(subject, Twin), RULES.block_time
+    change = isinstance(subject, Twin)
     ready = _Ready.of(subject, logs, validation)
     twin, motions, sealed = ready.twin, *ready.motions()
     own = None
     if change and twin.misfit is not None:
         motion = with_model_effort(twin.misfit.motion, twin.effects, twin.theta)
-        own = sample(motion, own_residual(twin), block)
+        own = sample(motion, own_residual(twin))
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
     if len(logs) > 1 and not (pooled and all(m.qr is not None for m in motions)):
-        differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
+        differ = apart(logs, [_sample(twin, m) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
         ready = ready.only(subject, kept)
@@ -116,9 +111,9 @@ def compare(
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
     whole, left = _left(twin, Motion.join(motions))
-    new = sample(whole, left, block)
+    new = sample(whole, left)
     noise = residual_noise(new, left, motions)
-    unseen = within(_sample(twin, Motion.join(sealed), block), new, twin) if sealed else None
+    unseen = within(_sample(twin, Motion.join(sealed)), new, twin) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
     asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
     if change:
@@ -307,8 +302,8 @@ def _used(motion: Motion, joint: int, known: Mask) -> Motion:
     return replace(motion, use=use)
 
 
-def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
-    return sample(*_left(twin, motion), block)
+def _sample(twin: Twin, motion: Motion) -> Sample:
+    return sample(*_left(twin, motion))
 
 
 def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
@@ -376,5 +371,4 @@ def _kept(s: Sample, keep: Mapping[int, Mask]) -> Sample:
         kept.append(left)
     every = {j: keep.get(j, np.ones(len(s.residual[j]), dtype=bool)) for j in s.joints}
     residual, effort = ({j: x[every[j]] for j, x in each.items()} for each in (s.residual, s.effort))
-    block = {j: x[every[j]] for j, x in s.block.items()}
-    return replace(s, rows=replace(s.rows, kept=tuple(kept)), residual=residual, effort=effort, block=block)
+    return replace(s, rows=replace(s.rows, kept=tuple(kept)), residual=residual, effort=effort)

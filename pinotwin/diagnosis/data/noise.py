@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.samples import Sample, judged_rows
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.logs.repeats import labels
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
@@ -48,7 +49,14 @@ def rough(new: Sample, joint: int) -> float:
 
 
 def difference(a: Motion, b: Motion, x: Floats, y: Floats, joint: int) -> float:
-    """Return the noise of one channel by which two runs differ, x of one and y of the other, on rows in motion."""
+    """Return the noise of one channel by which two runs differ, x of one and y of the other, on rows in motion.
+
+    What comes and goes within a tenth of the time, as a push in one of them, is no noise.
+    """
     n = min(len(a), len(b))
     rows = judged_rows(a, joint)[:n] & judged_rows(b, joint)[:n] & np.isfinite(x[:n]) & np.isfinite(y[:n])
-    return rms((x[:n] - y[:n])[rows]) / float(np.sqrt(2.0)) if rows.any() else 0.0
+    if not rows.any():
+        return 0.0
+    begins = np.flatnonzero(np.diff(np.floor(a.t[:n][rows] / SETTINGS.cell), prepend=-np.inf))
+    power = [rms(part) ** 2 for part in np.split((x[:n] - y[:n])[rows], begins[1:])]
+    return float(np.sqrt(0.5 * np.mean(np.sort(power)[: int(np.ceil(0.9 * len(power)))])))

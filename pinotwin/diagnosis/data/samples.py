@@ -36,9 +36,6 @@ class Sample:
     rows: Rows  # which rows, by joint
     residual: Mapping[int, Floats]  # joint -> measured effort less the twin's, shape (m,)
     effort: Mapping[int, Floats]  # joint -> measured effort, shape (m,)
-    # joint -> number of the stretch of time that each row belongs to, ascending, shape (m,)
-    block: Mapping[int, Ints]
-    blocks: int  # how many there are
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -53,8 +50,7 @@ class Sample:
         chosen = tuple(self.joints[k] for k in kept)
         rows = replace(self.rows, joints=chosen, kept=tuple(self.rows.kept[k] for k in kept))
         part = [{j: x[j] for j in chosen} for x in (self.residual, self.effort)]
-        block = {j: self.block[j] for j in chosen}
-        return replace(self, rows=rows, residual=part[0], effort=part[1], block=block)
+        return replace(self, rows=rows, residual=part[0], effort=part[1])
 
     def columns(self, effect: Effect) -> dict[int, Floats]:
         """Return the columns of an effect at every joint that it acts on, each of shape (m, p)."""
@@ -102,12 +98,6 @@ class Sample:
         """Return the row of the motion that each row of a joint stands for."""
         return self.rows.sample[self.rows.kept[self.rows.joints.index(joint)]]
 
-    @cached_property
-    def starts(self) -> dict[int, Ints]:
-        """Where each block begins among the rows of a joint, with the end, shape (blocks + 1,)."""
-        edges = np.arange(self.blocks + 1)
-        return {j: np.searchsorted(block, edges) for j, block in self.block.items()}
-
     def level(self, joint: int) -> float:
         """Return the RMS of what is left at one joint [N or N·m]."""
         return rms(self.residual[joint])
@@ -121,10 +111,10 @@ class Sample:
         return float(np.std(self.effort[joint] - self.residual[joint]))
 
 
-def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
+def sample(motion: Motion, residual: Floats) -> Sample:
     """Return the rows of a prepared motion, with the model's own effort; DataError where no joint has a usable one.
 
-    ``residual`` is measured effort less the twin's at the log's rate, (n, nv); ``block_time`` [s] makes one witness.
+    ``residual`` is measured effort less the twin's at the log's rate, (n, nv).
     """
     moving = sum(s.stop - s.start for s in motion.segments)
     count = max(motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1)
@@ -132,15 +122,12 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
     rows = _sliding(motion, choose_rows(motion))
     thinned = thin(motion, np.nan_to_num(residual))
     effort = thin(motion, np.nan_to_num(motion.u))
-    place = _blocks(motion, rows, block_time)
     pairs = list(zip(rows.joints, rows.kept, strict=True))
     return Sample(
         motion=motion,
         rows=rows,
         residual={j: thinned[kept, j] for j, kept in pairs},
         effort={j: effort[kept, j] for j, kept in pairs},
-        block={j: place[kept] for j, kept in pairs},
-        blocks=int(place.max()) + 1,
     )
 
 
@@ -187,20 +174,3 @@ def _narrowed(rows: Mask, by: Mask) -> Mask:
 
 def _top(x: Floats) -> float:
     return float(np.nanmax(np.abs(x), initial=0.0))
-
-
-FEWEST, MOST = 8, 40
-
-
-def _blocks(motion: Motion, rows: Rows, block_time: float) -> Ints:
-    """Return a block number for every thinned row: stretches of time that do not cross a segment."""
-    step = motion.step * motion.decimation
-    lengths = np.bincount(rows.block)
-    total = int(lengths.sum())
-    size = float(np.clip(block_time / step, total / MOST, max(total / FEWEST, 1.0)))
-    out, first = [], 0
-    for length in lengths[lengths > 0]:
-        parts = max(1, round(length / size))
-        out.append(first + (np.arange(length) * parts) // length)
-        first += parts
-    return np.concatenate(out)

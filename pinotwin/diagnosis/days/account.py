@@ -18,10 +18,10 @@ from pinotwin.diagnosis.days.body import body_of, body_sizes
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
 from pinotwin.diagnosis.result import Found, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import joined
 
 ROUNDED = 1e-9

@@ -334,9 +334,9 @@ def _group(x: Named, r: Reference) -> list[str]:
 
 
 def _proofs(c: Comparison) -> list[tuple[str, str]]:
-    """Return what `check` proves of the recording by its rows alone: fault and axis, "" of all."""
-    found = [(f.code, f.axis) for one in c.logs for f in one.doubts if f.code in PROOFS]
-    return list(dict.fromkeys(found))
+    """Return what `check` proves of the recording by its rows alone, and not of the twin's own: fault and axis."""
+    news = set(PROOFS).difference(*(x.get("recorded", ()) for x in c.twin.data))
+    return list(dict.fromkeys((f.code, f.axis) for one in c.logs for f in one.doubts if f.code in news))
 
 
 def _judged(

@@ -14,9 +14,9 @@ from pinotwin.diagnosis.days.places import Span
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import density
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch, combined
 from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms, runs
 
 

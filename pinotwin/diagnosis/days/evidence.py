@@ -11,9 +11,9 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.reference import EQUATIONS, Reference
 from pinotwin.diagnosis.days.score import Cells
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.diagnosis.settings import SETTINGS
 
 Left = dict[tuple[str, str], Floats]
 Acting = Mapping[str, Mapping[str, Floats]]

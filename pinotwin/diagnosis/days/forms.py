@@ -12,8 +12,8 @@ from pinotwin.diagnosis.candidates.catalogue import BESIDE, Joined, Worn
 from pinotwin.diagnosis.days.mechanisms import FORMS
 from pinotwin.diagnosis.days.places import Local, Whitened
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import known as known_effects
 from pinotwin.effects.tree import Tree

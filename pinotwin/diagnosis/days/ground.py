@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -19,9 +20,8 @@ from pinotwin.diagnosis.data.comparison import Comparison, thinned_model, within
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.data.scatter import by_days
 from pinotwin.diagnosis.days.score import Cells, density, score, squared
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.whitening import _spread
-from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.tree import Tree
@@ -158,6 +158,11 @@ class Ground:
     past: Ground | None = None
     rough: dict[int, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
 
+    @cached_property
+    def model(self) -> Tables:
+        """Columns of all effects of the twin on every sample: joint -> (m, b)."""
+        return thinned_model(self.samples, self.c.twin.effects)
+
     @classmethod
     def of(cls, c: Comparison, rate: float = USUAL.rate) -> Ground:
         """Return the ground of a comparison, at about so many rows a second [Hz]."""
@@ -193,7 +198,7 @@ class Ground:
             Part.of(s, j, x @ turn, day)
             for s, x, day in zip([s for s in self.samples if j in s.joints], each, days, strict=True)
         ]
-        p, nothing = self.parts[j][0], [{j: np.zeros((len(self.parts[j][0].left), 0))}, {}]
+        p = self.parts[j][0]
         noise = self.c.own.level(j) if self.c.change and self.c.own is not None else self.c.noise.get(j, 0.0)
         sigma = np.hypot(noise, USUAL.floor * self.samples[0].size(j)) + 1e-300
         left = p.left - p.twin @ (p.twin.T @ p.left) / len(p.left)
@@ -201,12 +206,16 @@ class Ground:
             past = self.past  # as long as in the twin's own logs, whatever the rates
             rows = p.apart(left) if past is None else past.noise[j][1] * past.step / self.step
             self.noise[j] = float(sigma), max(rows, 1.0)
-            self.base[j] = self.fit(nothing)
+            self.base[j] = self._alone(j)
             left = self.left(j)
         usual = np.abs(self.base[j].habit[j]) <= USUAL.far
         if not usual.all():
             self.parts[j] = [replace(x, day=x.day * usual) for x in self.parts[j]]
-            self.base[j] = self.fit(nothing)
+            self.base[j] = self._alone(j)
+
+    def _alone(self, j: int) -> Fit:
+        """Return the fit of a joint without any cause."""
+        return self.fit([{j: np.zeros((len(self.parts[j][0].left), 0))}, {}])
 
     @property
     def step(self) -> float:
@@ -218,14 +227,14 @@ class Ground:
         out = replace(self, noise=dict(self.noise), base=dict(self.base))
         for j in (j for j in self.parts if rest.parts[j] is not self.parts[j]):
             out.noise[j] = max(rms(rest.left(j)), 1e-300), rest.noise[j][1]
-            out.base[j] = out.fit([{j: np.zeros((len(self.parts[j][0].left), 0))}, {}])
+            out.base[j] = out._alone(j)
         return out
 
     def fine(self, j: int) -> Ground:
         """Return the ground on which rows of a joint tell more: what lasts a while is no noise here."""
         sigma, apart = self.noise[j]
         out = replace(self, noise={**self.noise, j: (sigma, float(np.sqrt(apart)))}, base=dict(self.base))
-        out.base[j] = out.fit([{j: np.zeros((len(self.parts[j][0].left), 0))}, {}])
+        out.base[j] = out._alone(j)
         return out
 
     def power(self, j: int, density_: Floats, part: int = 0) -> Floats:
@@ -297,7 +306,7 @@ class Ground:
         if not c.change:
             return [np.zeros((len(s.residual[j]), 0)) for s in samples]
         rub = [w for e, w in zip(c.twin.effects, c.twin.slices, strict=True) if e.family is FRICTION]
-        columns = [x[j] for x in thinned_model(samples, c.twin.effects)]
+        columns = [x[j] for x in self.model if j in x]
         root = _root(c.twin.covariance)
         _, size, V = np.linalg.svd(columns[0] @ root, full_matrices=False)
         off = root @ V[size > 0.01 * np.sqrt(len(columns[0])) * c.floor[j]].T
@@ -396,11 +405,11 @@ class Ground:
         """Return columns of a cause with its tangents, for its form stays uncertain, and how many these are."""
         return _with(tables, list(self.tangents(effect, tables, theta)))
 
-    def least(self, j: int) -> float:
+    def least(self, j: int, share: float) -> float:
         """Return the least worth a word, of the variation of a joint's effort [1]: a change is more than the misfit."""
         own = self.c.own
         misfit = own.level(j) if self.c.change and own is not None else 0.0
-        return max(SETTINGS.share, misfit / max(self.samples[0].size(j), 1e-300))
+        return max(share, misfit / max(self.samples[0].size(j), 1e-300))
 
     def open(self, j: int) -> float:
         """Return what is left of a joint over the variation of its effort, RMS [1]."""
@@ -422,7 +431,7 @@ def _thin(c: Comparison, s: Sample, residual: Floats, rate: float) -> Sample:
     own = s.motion.decimation  # whole ones of its rows, for what swings is screened on these
     count = own * max(round(1.0 / (s.motion.step * own * rate)), 1)
     motion = replace(s.motion, decimation=count)
-    return sample(motion, residual, RULES.block_time).only(s.joints)
+    return sample(motion, residual).only(s.joints)
 
 
 def _root(covariance: Floats) -> Floats:

@@ -18,8 +18,8 @@ from pinotwin.diagnosis.days.recording import recording_rows
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.rows import Asked, by_score
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.settings import SETTINGS
 
 AGAIN = "encoder_step"  # may come again after it was found, if nothing else was: each step is one
 

@@ -15,7 +15,7 @@ from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.ground import Fit, Ground, Tables
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import positive, spread
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
 
@@ -108,6 +108,12 @@ class Lack:
     def worth(self) -> float:
         """RMS of what it closes over the variation of the effort [1]."""
         return self.ground.open(self.joint) * float(np.sqrt(max(self.share, 0.0)))
+
+    @property
+    def loud(self) -> float:
+        """The same while pushes act, of all other causes on all rows [1]."""
+        acts = self.tables[0][self.joint].any(axis=1) if self.searched else np.ones(1)
+        return self.worth / float(np.sqrt(np.mean(acts)))
 
     @cached_property
     def numbers(self) -> tuple[Floats, Floats, Floats]:

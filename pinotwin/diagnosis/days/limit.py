@@ -19,9 +19,9 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, density
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch, corner
 from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms, roughness, runs
 
 SLOPES = np.linspace(0.0, 1.4, 8)

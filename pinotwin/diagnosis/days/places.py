@@ -14,9 +14,9 @@ from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.mechanisms import one_program
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.score import density
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.days.whitening import settled
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 
 Span = tuple[int, float, float]
@@ -129,22 +129,27 @@ def pulses(
     """Return pushes in time of about these lengths [s], the strongest first; each is alike in a group's stretches."""
     left, found = [x.copy() for x in w.left], list[dict[int, Floats]]()
     for _ in range(most):
-        best = max(
-            (_finest(w, left, groups, lengths, box=box) for box in (False, True)), key=lambda x: x.gain
-        )
-        columns, gain, rest = {}, 0.0, list(left)
-        for k in best.group:
-            x = np.zeros(len(w.logs[k].t))
-            x[best.at : best.at + len(best.wave)] = best.wave[: len(x) - best.at]
-            columns[k] = x
-            b = w.white(x) * w.masks[k] / w.weight
-            rest[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
-            gain += w.gain(k, left[k], rest[k])
+        both = [_without(w, left, _finest(w, left, groups, lengths, box=box)) for box in (False, True)]
+        gain, columns, left = max(both, key=lambda x: x[0])
         if gain < SETTINGS.place:
             break
         found.append(columns)
-        left = rest
     return found
+
+
+def _without(
+    w: Whitened, left: Sequence[Floats], push: _Push
+) -> tuple[float, dict[int, Floats], list[Floats]]:
+    """Return what a push gains by the density of the cells [nats], its columns, and what is left beside it."""
+    columns, gain, rest = {}, 0.0, list(left)
+    for k in push.group:
+        x = np.zeros(len(w.logs[k].t))
+        x[push.at : push.at + len(push.wave)] = push.wave[: len(x) - push.at]
+        columns[k] = x
+        b = w.white(x) * w.masks[k] / w.weight
+        rest[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
+        gain += w.gain(k, left[k], rest[k])
+    return gain, columns, rest
 
 
 FINER = ((0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35), (0.95, 0.975, 1.025, 1.05))
@@ -195,8 +200,9 @@ def _strongest(
         return _Push(0.0, group, 0, wave, long, box)
     num = sum(np.correlate(left[k][:short], b, "valid") for k in group)
     den = sum(np.correlate(w.masks[k][:short] / w.weight**2, b**2, "valid") for k in group)
-    # A push in rows that do not count is none.
-    gain = num**2 / np.maximum(den, 0.6 * float(b @ b) / w.weight**2) / w.weight**2 / 2.0
+    whole = len(group) * float(b @ b) / w.weight**2
+    seen = den > 0.5 * whole  # a push that lies in rows that do not count is none
+    gain = np.where(seen, num**2 / np.maximum(den, 0.5 * whole) / w.weight**2 / 2.0, 0.0)
     at = int(np.argmax(gain))
     return _Push(float(gain[at]), group, at, wave, long, box)
 

@@ -12,7 +12,8 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged
 from pinotwin.diagnosis.days.places import LONG, Whitened, pulses
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.settings import SETTINGS
 
 LENGTHS = (*LONG, 1.6, 3.2)  # Of pushes [s]; a twin's misfit comes and goes for as long
 
@@ -23,6 +24,14 @@ def pushes_of(g: Ground, j: int, columns: Sequence[Floats]) -> Lack | None:
         return None
     none = [{j: np.zeros((len(p.left), len(columns)))} for p in g.parts[j][1:]]
     return judged(g, None, g.c.machine.names[j], [{j: np.column_stack(columns)}, *none])
+
+
+def chance(g: Ground, j: int, columns: Sequence[Floats]) -> float:
+    """Return the log probability that pushes of courses (m,) come where friction turns round by chance [nats]."""
+    v = np.abs(g.samples[0].motion.v[g.samples[0].samples(j), j])
+    slow = v < RULES.trembling * v.max()
+    turns = sum(float(np.mean(slow[x != 0.0])) > 0.5 for x in columns)
+    return turns * float(np.log(np.mean(slow))) if turns else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.rows import NONE, Asked, positive, spread
 from pinotwin.diagnosis.days.score import Cells, opened, score
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.signals import runs
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.identification.misfit import own_residual
 from pinotwin.signals import rms

@@ -15,9 +15,9 @@ from pinotwin.diagnosis.days.mechanisms import GROWS, POSSIBLE, READ, Acts, grou
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import combined
 from pinotwin.diagnosis.days.tried import Tried
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms
 
 NONE: Ints = np.zeros(0, dtype=np.intp)

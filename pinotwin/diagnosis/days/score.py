@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.family import FRICTION
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin

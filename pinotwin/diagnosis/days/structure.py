@@ -19,10 +19,10 @@ from pinotwin.diagnosis.candidates.patterns import Curve, patterns
 from pinotwin.diagnosis.data.comparison import Comparison, foretells
 from pinotwin.diagnosis.days.ground import Ground, Tables
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
-from pinotwin.diagnosis.days.pushed import pushed, pushes_of
+from pinotwin.diagnosis.days.pushed import chance, pushed, pushes_of
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import opened
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_slices
 
@@ -37,9 +37,8 @@ BAR = 12.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
 """By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
 [nats]: so the mean probability of 94 causes of known machines was the share of those that were right."""
-STRONGER = (
-    2.5  # Times what the strongest push in a twin's own logs closes, squared, that one of a change must close
-)
+STRONGER = 2.5
+"""Times what the strongest push in a twin's own logs closes, squared, that one of a change must close."""
 LAPSE = 0.04  # Of the names that were wrong whatever their score: 5 of 125 on known machines
 FEW = 3  # Numbers by which nobody follows any rest of a form
 QUIET = 0.003  # Of the effort's variation, RMS: an axis that leaves less is not asked
@@ -57,6 +56,7 @@ class Finder:
         self.pushed = "external_force" not in leave_out
         self.tables: dict[Effect, Tables | None] = {}
         self.kept: dict[tuple[str, str], tuple[set[int], list[Lack]]] = {}
+        self.usual: dict[int, float] = {}  # joint -> what the strongest push in a twin's own logs closes
 
     def ranked(self, g: Ground, axis: str | None = None) -> list[Lack]:
         """Return the best candidate of every name and axis, or of one axis, shapes polished, best first."""
@@ -118,13 +118,19 @@ class Finder:
         one = pushes_of(g, j, columns)
         if one is not None and g.past is not None:
             # A twin's misfit comes and goes as pushes do: the strongest must close more than that of its own logs.
-            each = ((g.fine(j), columns), (g.past.fine(j), pushed(g.past, j)))
-            here, there = (pushes_of(x, j, y[:1]) for x, y in each)
-            usual = 0.0 if there is None else STRONGER * there.closes
-            one = replace(one, news=here.total if here is not None and here.closes > usual else 0.0)
+            if j not in self.usual:
+                self.usual[j] = _strongest(g.past, j, pushed(g.past, j))[1]
+            total, closes = _strongest(g, j, columns)
+            one = replace(one, news=total if closes > STRONGER * self.usual[j] else 0.0)
         elif one is not None:
-            one = replace(one, price=one.price + SETTINGS.place * len(columns))
+            one = replace(one, price=one.price + SETTINGS.place * len(columns) - chance(g, j, columns))
         return {j}, [one] if one is not None and one.possible else []
+
+
+def _strongest(g: Ground, j: int, columns: Sequence[Floats]) -> tuple[float, float]:
+    """Return what the strongest of some pushes on a joint is worth [nats], and what it closes; none, of none."""
+    one = pushes_of(g.fine(j), j, columns[:1])
+    return (0.0, 0.0) if one is None else (one.total, one.closes)
 
 
 def polished(g: Ground, one: Lack) -> Lack:
@@ -160,11 +166,11 @@ def polished(g: Ground, one: Lack) -> Lack:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One turn of a search: the ground, its candidates, best first, those not told yet, and the one that was taken."""
+    """One turn of a search: the ground, its candidates, best first, rivals not told yet, and the one that was taken."""
 
     ground: Ground
     ranked: Sequence[Lack]
-    new: Sequence[Lack]
+    rivals: Sequence[Lack]
     taken: Lack | None
 
     def rows(self) -> list[Row]:
@@ -185,11 +191,10 @@ class Turn:
         That something is there, its score says: the probability is that of the name.
         """
         one = self.taken
-        every = [x for x in self.new if one and x.joint == one.joint and x.worth > SETTINGS.share]
+        every = [x for x in self.rivals if one and x.joint == one.joint and x.worth > SETTINGS.share]
         every = [x for x in every if x is one or not isinstance(x.effect, Curve)]
-        width = (
-            WIDTH if self.ground.past is None else 1.0
-        )  # a twin's own logs tell how many rows count as one
+        # A twin's own logs tell how many rows count as one.
+        width = WIDTH if self.ground.past is None else 1.0
         score = np.array([x.total for x in every]) / width
         share = np.exp(score - score.max(initial=-np.inf))
         return list(zip(every, ((1.0 - LAPSE) * share / share.sum()).tolist(), strict=True))
@@ -197,7 +202,7 @@ class Turn:
 
 @dataclass(frozen=True, eq=False)
 class Lacking:
-    """What a machine's model account.
+    """What a machine's model lacks.
 
     Attributes:
         start: the ground without any cause.
@@ -220,7 +225,7 @@ class Lacking:
 def lacking(
     c: Comparison, leave_out: Collection[str] = (), admits: Admits = lambda *_: True, most: int = 5
 ) -> Lacking:
-    """Return what a machine's model account.
+    """Return what a machine's model lacks.
 
     Args:
         c: a machine and its twin of the logs in question.
@@ -254,13 +259,12 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         form = TRACE * max((y.worth for y in told if y.joint == x.joint), default=0.0)
         if x.count <= FEW:
             form *= float(np.sqrt(np.clip(1.0 - x.share, 0.0, 1.0)))
-        gain = x.total
-        if x.news is not None:  # pushes must close more than anything that comes with the motion
-            others = [
-                y.total + SETTINGS.number * y.count for y in ranked if y.joint == x.joint and y is not x
-            ]
-            gain = x.news if x.total > rest * max(others, default=0.0) else 0.0
-        return gain > BAR and x.worth > max(g.least(x.joint), form) and x.share > LEAST
+        gain = x.total if x.news is None else x.news
+        if x.searched:  # pushes must close more than anything that comes with the motion
+            others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
+            gain = gain if x.share > rest * max(others, default=0.0) else 0.0
+        least = g.least(x.joint, (5.0 if x.searched else 1.0) * SETTINGS.share)
+        return gain > BAR and x.loud > least and x.worth > form and x.share > LEAST
 
     new = [x for x in ranked if _several(x) or (x.name, x.axis) not in known]
     able = [x for x in new if stands(x)]
@@ -284,7 +288,8 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
     good = [x for x in good if closes(able[0]) < rest * closes(x)]
     if g.past is not None:  # some of what it closes may be no news
         good = [x for x in good if able[0].total < rest * x.total]
-    return Turn(g, ranked, new, min([*able[:1], *good], key=plain, default=None))
+    rivals = [x for x in new if not x.searched or x in able]
+    return Turn(g, ranked, rivals, min([*able[:1], *good], key=plain, default=None))
 
 
 def _several(x: Lack) -> bool:

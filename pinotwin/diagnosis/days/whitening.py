@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.settings import SETTINGS
+from pinotwin.diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True, eq=False)

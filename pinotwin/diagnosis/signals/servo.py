@@ -18,10 +18,10 @@ from pinotwin.diagnosis.days.limit import Drive, limit_row
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.rows import NONE
 from pinotwin.diagnosis.days.score import opened, score
-from pinotwin.diagnosis.days.settings import SETTINGS
 from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.result import Found
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.signals import rms, roughness
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin import signals
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import nearest
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits, finding
@@ -17,6 +17,7 @@ from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.solve.lead import lag
 
 _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
+_TURNS = 0.02  # of a motor's travel, RMS: what another joint must turn of it to be worth a word
 _LEVELS = 100  # distinct values below which numbers may well be equal
 
 
@@ -105,8 +106,7 @@ def axis_findings(
     """Say what is wrong with, or missing from, the axes."""
     for name in axes:
         if name not in table:
-            hint = nearest(f"{name}.q", log.channels)
-            yield finding("position_missing", name, axis=name, hint=hint)
+            yield finding("position_missing", name, axis=name, hint=nearest(f"{name}.q", log.channels))
             continue
         axis, own = table[name], limits.get(name, Limits())
         if f"{name}.u" not in log:
@@ -281,6 +281,23 @@ def lost_motion(away: Floats, speed: Floats) -> float:
     return float(abs(away[up].mean() - away[down].mean())) if up.any() and down.any() else 0.0
 
 
+def _geared(log: Log, name: str, rows: Mask) -> str:
+    """Return the transmission by which a motor turns several joints, in words; "" where it follows from none."""
+    others = [k for k in log.channels if k.endswith(".q") and k != f"{name}.q"]
+    moved = [log[k][rows] for k in (f"{name}.ql", *others)]
+    y = log[f"{name}.q"][rows] - np.mean(log[f"{name}.q"][rows])
+    X = np.array([x - np.mean(x) for x in moved]).T
+    if not others or not np.isfinite(X).all():
+        return ""
+    ratio = np.linalg.lstsq(X, y, rcond=None)[0]
+    turns = np.abs(ratio) * X.std(axis=0) > _TURNS * y.std()
+    if np.std(y - X @ ratio) > 0.1 * _TURNS * y.std() or not turns[0] or not turns[1:].any():
+        return ""
+    owners = [k.rpartition(".")[0] for k in (f"{name}.q", *others)]
+    row = ", ".join(f"{k}: {x:.4g}" for k, x, on in zip(owners, ratio, turns, strict=True) if on)
+    return f"its motor turns several joints; write transmission: {{{name}: {{{row}}}}} in machine.yaml"
+
+
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
     if f"{name}.ql" not in log:
         return
@@ -297,9 +314,11 @@ def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
     lost = lost_motion(away, np.gradient(q))
     correlation = float(np.corrcoef(q, ql)[0, 1])
     wrong = not 0.8 < slope < 1.25 or correlation < 0.9
-    remedy = (
-        f"; it moves {slope:.4g} times as far: another unit, sign or axis? check columns" if wrong else ""
-    )
+    remedy = ""
+    if wrong:
+        geared = _geared(log, name, good) if away.std() > _TURNS * ql.std() else ""
+        remedy = f"; it moves {slope:.4g} times as far: "
+        remedy += geared or "another unit, sign or axis? check columns"
     sizes = {"offset": 1e6 * offset, "rms": 1e6 * float(away.std()), "lost": 1e6 * lost}
     said = {"unit": "µrad" if rotary else "µm", "correlation": correlation, "remedy": remedy}
     yield finding("load_position", f"{name}.ql", "warning" if wrong else "info", **sizes, **said)

@@ -46,6 +46,11 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
             yield finding("frozen", f"{axis}.u", start=float(t[rows.start]), end=float(t[rows.stop - 1]))
 
 
+def habits(log: Log, axes: Sequence[str]) -> list[str]:
+    """Return the codes of what became of a bound log while it was recorded: its recorder will do it again."""
+    return sorted({f.code for f in (*row_findings(log), *recorded_findings(log, axes))})
+
+
 def lost_rows(log: Log, axes: Sequence[str]) -> Floats:
     """Return how many rows are missing before each, (n,): there all axes step by whole samples on an even clock."""
     steps, out = np.diff(log["t"]), np.zeros(len(log))
@@ -136,14 +141,20 @@ def _repeats(log: Log, measured: dict[str, Floats], bad: Mask, settings: Setting
 
 
 def _at_rest(measured: dict[str, Floats]) -> Mask:
-    """Return the rows where nothing moves, or is told to: what an encoder says there, it may say again."""
+    """Return the rows where nothing moves, or is told to move much: what an encoder says there, it may say again."""
     rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
     for name, x in measured.items():
         if name.endswith(".q"):
             stands = _span(x) <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
             command = measured.get(f"{name}r")
-            rest &= stands if command is None else stands | (_span(command) == 0.0)
+            rest &= stands if command is None else stands | _slow(command)
     return rest
+
+
+def _slow(x: Floats) -> Mask:
+    """Return where a command goes at less than a tenth of its top speed."""
+    pace = _span(x, 5)
+    return np.asarray(pace <= 0.1 * pace.max())
 
 
 def _span(x: Floats, rows: int = 21) -> Floats:
