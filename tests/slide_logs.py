@@ -54,3 +54,12 @@ def log(
     u = u + extra(t - late, q, v) + noise * np.random.default_rng(seed).normal(size=len(t))
     q = moved(t)[0]
     return Log({"t": t, "X.qr": q, "X.q": q, "X.u": u}, source=f"{seed}.csv")
+
+
+def bristle(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return dry friction that takes 0.3 mm to turn round (Dahl 1968)."""
+    z, out = 0.0, np.zeros(len(t))
+    for k, dq in enumerate(np.diff(q, prepend=q[0])):
+        z = float(np.clip(z + dq / 3e-4 * (1.0 - z * np.sign(dq)), -1.0, 1.0))
+        out[k] = 5.0 * z
+    return out - 5.0 * np.tanh(v / 1e-3)

@@ -15,7 +15,7 @@ from pinotwin.diagnosis.days.structure import beside, lacking
 from pinotwin.effects import EFFECTS
 from pinotwin.machine import Machine
 from pinotwin.signals import rms
-from tests.slide_logs import OTHER, Extra, listing, log
+from tests.slide_logs import OTHER, Extra, bristle, listing, log
 
 
 @pytest.fixture(scope="module")
@@ -134,13 +134,6 @@ def test_warming_friction_has_its_cold_number_from_that_of_the_machine(plain: Ma
 
 def test_what_is_as_good_is_listed(machine: Machine) -> None:
     """Dry friction that takes 0.3 mm to turn round, of two laws that differ about rest alone."""
-
-    def bristle(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        z, out = 0.0, np.zeros(len(t))
-        for k, dq in enumerate(np.diff(q, prepend=q[0])):
-            z = float(np.clip(z + dq / 3e-4 * (1.0 - z * np.sign(dq)), -1.0, 1.0))
-            out[k] = 5.0 * z
-        return out - 5.0 * np.tanh(v / 1e-3)
 
     found = lacking(compare(machine, [log(k, bristle, noise=2.0) for k in (1, 2)], []))
     assert [set(group) for x in found.named for group in alike(x)] == [{"X.presliding", "X.hysteresis"}]

@@ -16,7 +16,7 @@ from pinotwin.diagnosis.days.structure import Lacking, lacking
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from tests.slide_logs import OTHER, Extra, listing, log
+from tests.slide_logs import OTHER, Extra, bristle, listing, log
 
 Ask = Callable[..., Lacking]
 TURNING = {"presliding", "hysteresis"}
@@ -147,15 +147,6 @@ def test_a_force_that_goes_to_and_fro_is_no_push(ask: Ask) -> None:
         lambda t, q, v: 120.0 * np.sin(2.0 * np.pi * (t - 4.4) / 0.08) * ((t > 4.4) & (t < 4.72)),
     )
     assert "external_force" not in said(found)
-
-
-def bristle(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return dry friction that takes 0.3 mm to turn round (Dahl 1968)."""
-    z, out = 0.0, np.zeros(len(t))
-    for k, dq in enumerate(np.diff(q, prepend=q[0])):
-        z = float(np.clip(z + dq / 3e-4 * (1.0 - z * np.sign(dq)), -1.0, 1.0))
-        out[k] = 5.0 * z
-    return out - 5.0 * np.tanh(v / 1e-3)
 
 
 def test_how_friction_turns_round_is_missing_in_a_machine_that_lists_dry_friction(ask: Ask) -> None:

@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_074,
+    lines: 55_073,
     module_numbers: 107,
     numbers_without_unit: 292,
     stories: 5,

@@ -18,6 +18,7 @@ from pinotwin.diagnosis.days.body import body_of, body_sizes
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
+from pinotwin.diagnosis.days.score import errors
 from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
 from pinotwin.diagnosis.result import Found, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
@@ -77,12 +78,10 @@ class Account:
             closed = {j: self._closed(again, j) for j in again.fit.held}
             told = {j: x for j, x in closed.items() if j == again.joint or x.share >= RULES.share}
             rest = beside(g, again)
-            sized = (
-                None
-                if again.effect is None
-                else judged(g.as_noisy_as(rest), again.effect, again.axis, again.tables)
-            )
-            self.causes.append(Told(again, sized or again, turn, sure, told))
+            sized = again
+            if again.effect is not None:
+                sized = judged(g.as_noisy_as(rest), again.effect, again.axis, again.tables) or again
+            self.causes.append(Told(again, sized, turn, sure, told))
             g = rest if self.causes[-1].sure else g
         self.rest = g
 
@@ -224,7 +223,7 @@ def sizes_of(one: Lack) -> list[Size]:
         covariance = one.fit.covariance
         return body_sizes(body_of(one.theta, covariance), one.theta, covariance)
     (before, after, covariance), rows = one.numbers, list[Size]()
-    half = 1.645 * np.sqrt(np.abs(np.diag(covariance)))
+    half = 1.645 * errors(covariance)
     each = zip(one.effect.coefficients(), before, after, half, strict=True)
     for x, old, now, wide in each:
         least = -np.inf if one.effect.logged_effort else x.lower

@@ -19,7 +19,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison, thinned_model, within
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.data.scatter import by_days
-from pinotwin.diagnosis.days.score import Cells, density, score, squared
+from pinotwin.diagnosis.days.score import Cells, density, errors, score, squared
 from pinotwin.diagnosis.days.whitening import _spread
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import EFFECTS, Effect
@@ -131,7 +131,7 @@ class Fit:
     @property
     def error(self) -> Floats:
         """Standard errors of the numbers, shape (p,)."""
-        return np.sqrt(np.abs(np.diag(self.covariance)))
+        return errors(self.covariance)
 
     def scaled(self, size: Floats) -> Fit:
         """Return the fit of columns that are so many times as large, shape (p,)."""
@@ -146,6 +146,7 @@ class Ground:
         samples: logs in question, then those of validation. parts: joint -> rows of each. noise: joint -> scale of a
             row [N or N·m], and how many count as one. base: joint -> what is left without a further cause.
         past: the same of a twin's own logs, what it leaves of them when it does not know them; None of a machine.
+        days: joint -> what a healthy axis does beside its twin, the same whatever was found.
     """
 
     c: Comparison
@@ -157,6 +158,7 @@ class Ground:
     base: dict[int, Fit] = field(default_factory=dict)
     past: Ground | None = None
     rough: dict[int, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
+    days: dict[int, list[Floats]] = field(default_factory=dict)
 
     @cached_property
     def model(self) -> Tables:
@@ -191,12 +193,13 @@ class Ground:
     def _lay(self, j: int) -> None:
         """Compress the nuisances of a joint and measure the noise beside them."""
         self.rough.pop(j, None)
-        days = self._day(j)
+        if j not in self.days:
+            self.days[j] = self._day(j)
         each = [self._columns(k, j) for k, s in enumerate(self.samples) if j in s.joints]
         turn = _compressed(each[0])
         self.parts[j] = [
             Part.of(s, j, x @ turn, day)
-            for s, x, day in zip([s for s in self.samples if j in s.joints], each, days, strict=True)
+            for s, x, day in zip([s for s in self.samples if j in s.joints], each, self.days[j], strict=True)
         ]
         p = self.parts[j][0]
         noise = self.c.own.level(j) if self.c.change and self.c.own is not None else self.c.noise.get(j, 0.0)
@@ -332,17 +335,8 @@ class Ground:
             habit[j] = x[1 + self.parts[j][0].twin.shape[1] : 1 + cells.day]
             left[j] = _least(cells) * self.noise[j][0] ** 2 * self.noise[j][1]
             seen[j] = self._seen(j, tables, -x[1 + cells.day : -1], x)
-        held = dict(zip(joints, got.held, strict=True))
-        return Fit(
-            held,
-            dict(zip(joints, got.full, strict=True)),
-            seen,
-            got.cost,
-            left,
-            habit,
-            got.theta,
-            got.covariance,
-        )
+        held, every = (dict(zip(joints, x, strict=True)) for x in (got.held, got.full))
+        return Fit(held, every, seen, got.cost, left, habit, got.theta, got.covariance)
 
     def _seen(self, j: int, tables: Tables, theta: Floats, x: Floats) -> Floats:
         """Return the log density of the validation cells of a joint by numbers as they are."""
@@ -403,7 +397,12 @@ class Ground:
 
     def spanned(self, effect: Effect, tables: Tables, theta: Floats) -> tuple[Tables, int]:
         """Return columns of a cause with its tangents, for its form stays uncertain, and how many these are."""
-        return _with(tables, list(self.tangents(effect, tables, theta)))
+        more = list(self.tangents(effect, tables, theta))
+        out = [
+            {j: np.hstack([x, *(m[k].get(j, np.zeros((len(x), 1))) for m in more)]) for j, x in t.items()}
+            for k, t in enumerate(tables)
+        ]
+        return out, next(iter(out[0].values())).shape[1]
 
     def least(self, j: int, share: float) -> float:
         """Return the least worth a word, of the variation of a joint's effort [1]: a change is more than the misfit."""
@@ -457,14 +456,6 @@ def _known(c: Comparison, samples: Sequence[Sample]) -> list[dict[int, Floats]]:
     return out
 
 
-def _with(tables: Tables, more: Sequence[Tables]) -> tuple[Tables, int]:
-    out = [
-        {j: np.hstack([x, *(m[k].get(j, np.zeros((len(x), 1))) for m in more)]) for j, x in t.items()}
-        for k, t in enumerate(tables)
-    ]
-    return out, next(iter(out[0].values())).shape[1]
-
-
 def _compressed(X: Floats) -> Floats:
     """Return what turns columns (m, b) into those of RMS one that the rows tell apart, shape (b, z)."""
     size = np.sqrt(np.mean(X**2, axis=0))
@@ -481,7 +472,7 @@ def _compressed(X: Floats) -> Floats:
 def _numbers(c: Cells, full: Floats, theta: Floats) -> Floats:
     """Return the combination of a cell's columns that is what is left: nothing, the day, the cause, and one."""
     nu = SETTINGS.freedom
-    weight = (nu + c.rows) / (nu + nu * np.expm1(-2.0 * full / (nu + c.rows)))
+    weight = (nu + c.rows) / (nu + squared(full, c.rows))
     N = np.tensordot(weight, c.gram, 1)[1:, 1:]
     own = N[: c.day, : c.day] + np.eye(c.day)
     d = 1.0 / np.sqrt(np.diag(own))

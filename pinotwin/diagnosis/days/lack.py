@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named, same_cause
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.days.body import possible as body_can_be
@@ -15,6 +15,7 @@ from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.ground import Fit, Ground, Tables
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import positive, spread
+from pinotwin.diagnosis.days.score import errors
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
@@ -175,7 +176,7 @@ class Lack:
             factor = np.isfinite(low)  # that drive counts its effort the other way
             low, high = np.where(factor, -np.inf, low), np.where(factor, low, high)
         _, value, covariance = self.numbers
-        slack = 2.0 * np.sqrt(np.abs(np.diag(covariance)))
+        slack = 2.0 * errors(covariance)
         slack *= -1.0 if e.logged_effort else 1.0  # a factor that is not told from zero measures no effort
         within = bool(np.all((low - slack <= value) & (value <= high + slack))) and e.possible(self.theta)
         return within and (not isinstance(e, Joined) or self._brakes(value))
@@ -210,7 +211,8 @@ class Lack:
         """Return its row of evidence, by which a decision is trained."""
         g, j = self.ground, self.joint
         every = np.concatenate([self.gains(k) for k in self.fit.held])
-        logs = np.bincount(_log_of_cells(g, j), self.gains(j))
+        p = g.parts[j][0]
+        logs = np.bincount(p.log[p.edges[:-1]], self.gains(j))
         pattern = isinstance(self.effect, Pattern)
         gain = self.total + self.price - self.day
         return Row(
@@ -232,11 +234,6 @@ class Lack:
             valid=sum(self.seen(k) for k in self.fit.seen) if len(g.parts[j]) > 1 else None,
             what=self.name if pattern else "",
         )
-
-
-def _log_of_cells(g: Ground, j: int) -> Ints:
-    p = g.parts[j][0]
-    return np.asarray(p.log[p.edges[:-1]])
 
 
 def judged(

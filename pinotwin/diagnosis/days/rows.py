@@ -208,8 +208,12 @@ def _can_be(name: str, theta: Floats, error: Floats) -> bool:
 
 def _small(name: str, group: str, worth: float, theta: float) -> bool:
     """Whether a cause is smaller than is worth a word: 1 % of the effort (5 % for a while) or a gain, 2 µm of play."""
-    share = SETTINGS.share * (5.0 if group in ("time", "place") else 1.0)
-    return abs(theta) < SETTINGS.told.get(group, 0.0) or (name != "payload" and worth < share)
+    return abs(theta) < SETTINGS.told.get(group, 0.0) or (name != "payload" and worth < least_share(group))
+
+
+def least_share(group: str) -> float:
+    """Return the least of an effort worth a word [1]; what acts for a while must be larger."""
+    return SETTINGS.share * (5.0 if group in ("time", "place") else 1.0)
 
 
 def _shapes(q: Question, found: Sequence[Row]) -> Shapes:

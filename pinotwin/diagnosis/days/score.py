@@ -60,7 +60,7 @@ class Scored:
     @property
     def error(self) -> Floats:
         """Standard errors of the numbers, shape (p,)."""
-        return np.asarray(np.sqrt(np.abs(np.diag(self.covariance))))
+        return errors(self.covariance)
 
     @property
     def cost(self) -> float:
@@ -180,6 +180,11 @@ def _solved(
         for A in parts
     ]
     return steps, theta, information
+
+
+def errors(covariance: Floats) -> Floats:
+    """Return the standard errors of numbers from their covariance (p, p), shape (p,)."""
+    return np.asarray(np.sqrt(np.abs(np.diag(covariance))))
 
 
 def squared(density_: Floats, rows: Floats) -> Floats:

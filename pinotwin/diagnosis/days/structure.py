@@ -18,9 +18,10 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.patterns import Curve, patterns
 from pinotwin.diagnosis.data.comparison import Comparison, foretells
 from pinotwin.diagnosis.days.ground import Ground, Tables
-from pinotwin.diagnosis.days.lack import Lack, judged, kin
+from pinotwin.diagnosis.days.lack import GROUP, Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import chance, pushed, pushes_of
 from pinotwin.diagnosis.days.row import Row
+from pinotwin.diagnosis.days.rows import least_share
 from pinotwin.diagnosis.days.score import opened
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
@@ -56,6 +57,7 @@ class Finder:
         self.pushed = "external_force" not in leave_out
         self.tables: dict[Effect, Tables | None] = {}
         self.kept: dict[tuple[str, str], tuple[set[int], list[Lack]]] = {}
+        self.finished: dict[Lack, Lack] = {}  # by the candidate as it was kept
         self.usual: dict[int, float] = {}  # joint -> what the strongest push in a twin's own logs closes
 
     def ranked(self, g: Ground, axis: str | None = None) -> list[Lack]:
@@ -76,7 +78,8 @@ class Finder:
         out = sorted(best.values(), key=lambda x: -x.total)
         top = max((x.total for x in out), default=0.0)
         near = [x for k, x in enumerate(out) if x.total > 0.0 and (k < POLISHED or x.total > 0.7 * top)]
-        out = [*(self._news(g, polished(g, x)) for x in near), *(x for x in out if x not in near)]
+        self.finished |= {x: self._news(g, polished(g, x)) for x in near if x not in self.finished}
+        out = [*(self.finished[x] for x in near), *(x for x in out if x not in near)]
         return sorted(out, key=lambda x: -x.total)
 
     def _news(self, g: Ground, one: Lack) -> Lack:
@@ -263,7 +266,7 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         if x.searched:  # pushes must close more than anything that comes with the motion
             others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
             gain = gain if x.share > rest * max(others, default=0.0) else 0.0
-        least = g.least(x.joint, (5.0 if x.searched else 1.0) * SETTINGS.share)
+        least = g.least(x.joint, least_share(GROUP.get(x.name, "form")))
         return gain > BAR and x.loud > least and x.worth > form and x.share > LEAST
 
     new = [x for x in ranked if _several(x) or (x.name, x.axis) not in known]
