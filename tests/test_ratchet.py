@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_073,
+    lines: 55_072,
     module_numbers: 107,
-    numbers_without_unit: 292,
+    numbers_without_unit: 291,
     stories: 5,
 }
 

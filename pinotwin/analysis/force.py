@@ -47,8 +47,7 @@ class ExternalEffort:
 
     def save(self, path: str | Path) -> Path:
         """Write :meth:`channels` (.csv or .parquet, SI) and return the path."""
-        write_log(target := as_path(path, "path"), self.channels())
-        return target
+        return write_log(as_path(path, "path"), self.channels())
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin force --json`` writes."""

@@ -41,7 +41,7 @@ def extended(diagnosis: Diagnosis) -> Machine:
     for found in diagnosis.effects:
         if found.axis in machine.passive:
             machine = _sprung(machine, found)
-        if found.axis is not None and found.axis in machine.axes and _kind(found, machine) is not None:
+        if found.axis in machine.axes:
             machine = _with(machine, found)
     return machine
 

@@ -84,7 +84,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin))
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
-    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
+    sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
+    rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
+    shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
     more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
     found = diagnosed(c, more, {**options, "false_alarm": false_alarm})
     if found is None:
@@ -117,12 +119,6 @@ def _by_structure(
     result = _with_encoders(replace(result, subject=subject, quick=quick), measured)
     made = provenance(subject, c.logs, c.validation, **options)
     return replace(result, provenance=made)
-
-
-def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) -> Vibrations:
-    """Return what the logs say of the vibration of passive joints."""
-    sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
-    return look_at_vibration(subject, [*c.logs, *c.validation], sealed, labels(c.motions), rng)
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
@@ -163,6 +159,7 @@ def _concluded(
     advice, motions = advise(kind, pairs, has_command=c.new.motion.qr is not None)
     axis = next((g[0].partition(".")[0] for g in groups), None)
     pushed = {r.axis for r in account.pushed()}
+    rows = [x.row() for x in found.turns[0].ranked if x.worth > SETTINGS.share]
     return Diagnosis(
         verdict=verdict.verdict,
         sentence=verdict.sentence,
@@ -193,7 +190,7 @@ def _concluded(
         machine=c.machine.name,
         commands={f"advice_{k}.csv": command(c.machine, c.new.motion, k, axis) for k in motions[:2]},
         possible=possible,
-        evidence=[x.plain() for x in found.turns[0].rows() if x.group != "describe"][:20],
+        evidence=[x.plain() for x in rows if x.group != "describe"][:20],
     )
 
 

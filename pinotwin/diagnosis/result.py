@@ -338,14 +338,11 @@ class Diagnosis(Drawn):
 
 
 def _region(r: Region) -> dict[str, Any]:
-    row = {k: v for k, v in vars(r).items() if k != "other" or v is not None}
-    return {**row, "range": list(r.range)}
+    return {k: v for k, v in vars(r).items() if k != "other" or v is not None}
 
 
 def _effect(e: Found) -> dict[str, Any]:
-    sizes = [{**vars(x), "interval90": list(x.interval)} for x in e.size]
-    for row in sizes:
-        del row["interval"]
+    sizes = [{"interval90" if k == "interval" else k: v for k, v in vars(x).items()} for x in e.size]
     return {
         "effect": e.effect,
         "axis": e.axis,
@@ -370,5 +367,4 @@ def _shrinks(e: Found) -> dict[str, Any]:
 
 def _shrink(x: Shrink) -> dict[str, Any]:
     row = {k: v for k, v in vars(x).items() if k not in ("interval", "promised_interval", "on")}
-    promised = None if x.promised_interval is None else list(x.promised_interval)
-    return {**row, "interval90": list(x.interval), "promised_interval": promised}
+    return {**row, "interval90": x.interval, "promised_interval": x.promised_interval}

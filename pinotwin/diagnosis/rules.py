@@ -76,8 +76,6 @@ class Rules:
     """[of the gap's power above the noise] Least that another spring must take away."""
     vibration_moved: float = 4.0
     """[standard errors] By which stiffness or damping must have moved."""
-    vibration_stays: float = 0.15
-    """[of the gap's power above the noise] What may stay."""
     vibration_quiet: float = 0.25
     """[of the blocks] Those that leave least are the noise where there are no repeats."""
 

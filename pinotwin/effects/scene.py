@@ -6,6 +6,7 @@ it (``Effect.needs``) are added in a few passes. A wrong or late effort channel 
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import mass_matrix
-from pinotwin.effects.effect import Columns, Effect
+from pinotwin.effects.effect import Columns, Effect, OneAxis
 from pinotwin.effects.layout import effect_slices
 from pinotwin.effects.rigid_body import RigidBody
 from pinotwin.motion import Motion
@@ -82,25 +83,35 @@ def _with_own(effects: Sequence[Effect], theta: Floats) -> list[tuple[Effect, Fl
     return [(e, np.asarray(theta)[s]) for e, s in zip(effects, effect_slices(effects), strict=True)]
 
 
-def inertia(effect: Effect, motion: Motion, joint: int, lightest: float = 0.05) -> Floats:
-    """Return the inertia of a joint, others at rest, shape (n,), above ``lightest`` of its largest: below it errs."""
+def inertia(effect: Effect, motion: Motion, joint: int) -> Floats:
+    """Return the inertia of a joint, others at rest, shape (n,), above a twentieth of its largest: below it errs."""
     own = effect.channel(motion, "mass")[:, joint, joint]
-    return np.asarray(np.maximum(own, lightest * np.abs(own).max(initial=0.0) + 1e-12))
+    return np.asarray(np.maximum(own, 0.05 * np.abs(own).max(initial=0.0) + 1e-12))
 
 
-def shaken(
-    effect: Effect, motion: Motion, joint: int, own: Floats, load: float = 1.0, coupled: float = 1e-3
-) -> Columns:
-    """Return columns ``own`` (n, p) of a joint and what they do to others, M_ij (a_load - a_measured).
+class Shaking(OneAxis):
+    """An effect of one axis that shakes others, by M_ij (a_load - a_measured) through the inertia matrix.
 
-    The share ``load`` of its inertia moves otherwise than the encoder says; couplings below ``coupled`` move nothing.
+    The share ``load`` of its inertia moves otherwise than the encoder says; couplings below 1e-3 move nothing.
     """
-    mass, mine = effect.channel(motion, "mass"), inertia(effect, motion, joint)
 
-    def feels(k: int) -> bool:
-        ratio = np.abs(mass[:, k, joint]) / np.sqrt(mine * inertia(effect, motion, k))
-        return bool(np.max(ratio, initial=0.0) > coupled)
+    load: float = 1.0
 
-    others = [k for k in range(mass.shape[1]) if k != joint and feels(k)]
-    parts = [own, *(own * (mass[:, k, joint] / (load * mine))[:, None] for k in others)]
-    return Columns((joint, *others), np.stack(parts, axis=1))
+    @abc.abstractmethod
+    def swing(self, motion: Motion) -> Columns:
+        """Return the columns of its own axis alone."""
+
+    def columns(self, motion: Motion) -> Columns:
+        joints, pushes = self.felt(motion)
+        return Columns(joints, self.swing(motion).values * pushes[:, :, None])
+
+    def felt(self, motion: Motion) -> tuple[tuple[int, ...], Floats]:
+        """Return the joints that feel it, its own first, and how much of its swing each does, shape (n, k) [1]."""
+        joint, mass = motion.index(self.axis), self.channel(motion, "mass")
+        mine, felt, pushes = inertia(self, motion, joint), [joint], [np.ones(len(motion))]
+        for k in range(mass.shape[1]):
+            ratio = np.abs(mass[:, k, joint]) / np.sqrt(mine * inertia(self, motion, k))
+            if k != joint and np.max(ratio, initial=0.0) > 1e-3:
+                felt.append(k)
+                pushes.append(mass[:, k, joint] / (self.load * mine))
+        return tuple(felt), np.stack(pushes, axis=1)

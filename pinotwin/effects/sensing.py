@@ -12,7 +12,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import Coefficient, Columns, Effect, OneAxis, Shape, usual
 from pinotwin.effects.family import SENSING
-from pinotwin.effects.scene import inertia, shaken
+from pinotwin.effects.scene import Shaking, inertia
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import TURN
 from pinotwin.motion import Motion
@@ -97,7 +97,7 @@ class EffortScale(OneAxis):
 
 
 @dataclass(frozen=True)
-class EncoderError(OneAxis):
+class EncoderError(Shaking):
     """Periodic error of the position: q_logged = q + a cos x + b sin x, x = 2 pi q / period.
 
     The controller follows the error, so the axis accelerates otherwise than the log says:
@@ -136,12 +136,11 @@ class EncoderError(OneAxis):
         each = sight.travel / np.arange(float(WAVES[0]), float(WAVES[-1]), 0.25)
         return self.over([p for p in each if low <= p <= shape.upper])
 
-    def columns(self, motion: Motion) -> Columns:
-        own = motion.axis(self.axis)
-        k = TURN / self.period
+    def swing(self, motion: Motion) -> Columns:
+        own, k = motion.axis(self.axis), TURN / self.period
         c, s = np.cos(k * own.q), np.sin(k * own.q)
         bend = np.stack(
             [-k * k * c * own.v**2 - k * s * own.a, -k * k * s * own.v**2 + k * c * own.a], axis=-1
         )
         pushed = -inertia(self, motion, own.index)[:, None] * motion.passed(bend)
-        return shaken(self, motion, own.index, pushed)
+        return Columns((own.index,), pushed[:, None])

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Coefficient, Columns, Effect, OneAxis, Shape, usual
+from pinotwin.effects.effect import Coefficient, Columns, Effect, Shape, usual
 from pinotwin.effects.family import TRANSMISSION
-from pinotwin.effects.scene import inertia, shaken
+from pinotwin.effects.scene import Shaking, inertia
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import Motion
 from pinotwin.system.kernels import compiled
@@ -114,7 +114,7 @@ def _posture(own: Floats, least: float = 0.05) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Flexible(OneAxis):
+class _Flexible(Shaking):
     """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load]."""
 
     family = TRANSMISSION
@@ -122,6 +122,7 @@ class _Flexible(OneAxis):
     linear = (Coefficient("share", "-", lower=0.0, upper=1.0),)
     needs = ("rigid", "mass")
     searched = 2
+    load = LOAD
     frequency: float = 30.0  # mode of the load against the motor held still [Hz]; searched
     damping: float = 0.05  # its damping ratio; searched
 
@@ -142,7 +143,7 @@ class _Flexible(OneAxis):
             return ()
         return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), 15), DAMPING)
 
-    def columns(self, motion: Motion) -> Columns:
+    def swing(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
         own = inertia(self, motion, joint)
         itself = own * motion.a[:, joint]
@@ -155,7 +156,7 @@ class _Flexible(OneAxis):
             at = slice(part.start + _steadiest(load[part], 1.0 / self.frequency, motion.step), part.stop)
             if at.stop > at.start:
                 out[at] = _sprung(load[at], ratio[at], w, self.damping, motion.step) - load[at]
-        return shaken(self, motion, joint, out[:, None], LOAD)
+        return Columns((joint,), out[:, None, None])
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ class JointFlexibility(_Flexible):
 
 
 @dataclass(frozen=True)
-class Backlash(OneAxis):
+class Backlash(Shaking):
     """Play between motor and load: tau = share [carried(path; gap, frequency, damping) - load].
 
     The load floats through the gap after a reversal, then meets the other face, on which it settles with
@@ -243,7 +244,7 @@ class Backlash(OneAxis):
         bodies = [replace(self, load=x) for x in ((0.65, 0.8) if self.rotary else (0.65,))]
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
-    def columns(self, motion: Motion) -> Columns:
+    def swing(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
         rigid = self.channel(motion, "rigid")[:, joint]
         own, a = inertia(self, motion, joint), motion.a[:, joint]
@@ -256,4 +257,4 @@ class Backlash(OneAxis):
                 pieces = (q[part], extra[part], ratio[part])
                 out[part] = _carried(*pieces, self.gap, w, self.damping, motion.step)
         values = self.load * own * out - rigid + (1.0 - self.load) * own * a
-        return shaken(self, motion, joint, motion.passed(values)[:, None], self.load)
+        return Columns((joint,), motion.passed(values)[:, None, None])

@@ -110,7 +110,10 @@ def _columns(motion: Motion, effects: Sequence[Effect], rows: Rows) -> csr_array
     """Return the columns of all effects at the rows of all joints, sparse."""
     slices, parts = effect_slices(effects), {joint: list[csr_array]() for joint in rows.joints}
     every = (None if e.pointwise and motion.decimation == 1 else e.columns(motion) for e in effects)
-    whole = [c and Columns(c.joints, _thinned(motion, c.values)) for c in every]
+    whole = [
+        c and Columns(c.joints, np.stack([thin(motion, x) for x in c.values.swapaxes(0, 1)], 1))
+        for c in every
+    ]
     for some, formed in blocks(motion, effects, whole, rows.sample):
         for joint, kept in zip(rows.joints, rows.kept, strict=True):
             acting = [(c, s) for c, s in zip(formed, slices, strict=True) if joint in c.joints]
@@ -120,11 +123,6 @@ def _columns(motion: Motion, effects: Sequence[Effect], rows: Rows) -> csr_array
             entries = dense[there], np.broadcast_to(at, dense.shape)[there], starts
             parts[joint].append(csr_array(entries, (len(dense), slices[-1].stop)))
     return vstack([x for own in parts.values() for x in own], format="csr")
-
-
-def _thinned(motion: Motion, values: Floats) -> Floats:
-    """Return columns (n, k, p) thinned joint by joint: a filter holds several copies."""
-    return np.stack([thin(motion, values[:, k]) for k in range(values.shape[1])], axis=1)
 
 
 def _turning(motion: Motion, effects: Sequence[Effect], joint: int, share: float = 0.06) -> Mask:

@@ -12,8 +12,8 @@ from pinotwin.errors import InputError
 from pinotwin.system.writing import whole_file
 
 
-def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:
-    """Write channels, ``t`` first, as CSV, or as Parquet by the suffix of ``path``."""
+def write_log(path: Path | str, log: Mapping[str, Floats]) -> Path:
+    """Write channels, ``t`` first, as CSV, or as Parquet by the suffix of ``path``, and return it."""
     path = Path(path)
     if path.suffix not in (".csv", ".parquet"):
         raise InputError(f"{path}: a log is written as .csv or .parquet, not {path.suffix!r}")
@@ -23,6 +23,7 @@ def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:
             import pyarrow.parquet as pq
 
             pq.write_table(pa.table({k: np.asarray(x) for k, x in log.items()}), part)
-            return
+            return path
         table = np.column_stack([np.asarray(x) for x in log.values()])
         np.savetxt(part, table, fmt="%.12g", delimiter=",", header=",".join(log), comments="")
+    return path

@@ -63,7 +63,9 @@ def _possible(d: Diagnosis) -> list[str]:
 
 def _cause(d: Diagnosis, e: Found) -> str:
     """Return a cause with its size and what it explains of the residual."""
-    did = moved(told(e.size)) if d.situation == "change" else DIAGNOSED["missing"]
+    sizes = told(e.size)
+    factor = any(s.unit == "-" and s.before == 1.0 for s in sizes[:1])
+    did = moved(sizes) if d.situation == "change" else DIAGNOSED["factor" if factor else "missing"]
     time = event(d, e)
     when = "".join(f", {region_words(r)}" for r in (time, along(e, d.where)) if r)
     if time and len({r.range for r in d.where if r.kind == "time" and r.axis == e.axis}) > 1:

@@ -43,5 +43,4 @@ class Prediction(Log, Drawn):
 
     def save(self, path: str | Path) -> Path:
         """Write the prediction (.csv or .parquet, SI) and return its path."""
-        write_log(target := as_path(path, "path"), self.channels)
-        return target
+        return write_log(as_path(path, "path"), self.channels)

@@ -220,6 +220,7 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "also": "Also found: {others}.",
     "possible": "Possible, but not sure: {names}.",
     "missing": "is missing from the model",
+    "factor": "amounts",
     "hint": "Modelling it does not reduce the residual yet ({data}): a hint only.",
     "falls": "{modelled} {residual} falls from {before} to {after} RMS ({data}).",
     "gain": ", from {before:.3g} to {after:.3g} 1/s",

@@ -40,8 +40,7 @@ class Recorded(Log):
 
     def save(self, path: str | Path) -> Path:
         """Write the log (.csv or .parquet, SI) and return its path."""
-        write_log(path, self.channels)
-        return Path(path)
+        return write_log(path, self.channels)
 
 
 def record(  # noqa: PLR0913, the public call: every option is a keyword

@@ -26,7 +26,7 @@ class Closed:
     @property
     def share(self) -> float:
         """Share of the whole that goes; below zero where it grows."""
-        return _share(self.before, self.gained)
+        return float(self.gained.sum() / max(float(self.before.sum()), 1e-300))
 
     @property
     def bounded(self) -> float:
@@ -42,10 +42,6 @@ class Closed:
         """Return what two causes close together."""
         both = self.promised + other.promised
         return Closed(self.before, self.gained + other.gained, both, self.on)
-
-
-def _share(before: Floats, gained: Floats) -> float:
-    return float(gained.sum() / max(float(before.sum()), 1e-300))
 
 
 RESAMPLES = 1000

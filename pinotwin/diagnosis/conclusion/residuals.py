@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.noise import difference, repeats, rough
+from pinotwin.diagnosis.data.noise import noise, repeats
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import by_days, scatter
 from pinotwin.diagnosis.result import Gap
@@ -16,11 +17,12 @@ from pinotwin.signals import rms
 
 
 def gap_table(
-    c: Comparison, closed: Mapping[int, Closed], noise: Mapping[int, float]
+    c: Comparison, closed: Mapping[int, Closed], levels: Mapping[int, float]
 ) -> dict[str, dict[str, Gap]]:
     """Return axis -> signal -> gap, on the rows in motion of the logs in question.
 
-    ``after`` is what is left once the named causes are modelled, by the share that goes on rows that were not fitted.
+    ``after`` is what is left once the named causes are modelled, by the share that goes on rows that were not fitted;
+    ``levels``: joint -> RMS of the noise [N or N·m].
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
@@ -33,14 +35,19 @@ def gap_table(
         misfit, unsure = _expected(c, j)
         after, size = level * float(np.sqrt(left)), c.new.size(j)
         nrmse = level / max(effort, 1e-300)
-        out[motion.names[j]] = {"u": Gap(level, nrmse, noise[j], after, misfit, size, unsure)}
+        out[motion.names[j]] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure)}
     for axis in c.gate.silent:
         j = motion.index(axis)
         rows = judged_rows(motion, j)
         if axis not in out and rows.any():
-            level = rms(residual[rows, j])
-            out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
+            out[axis] = {"u": unjudged_gap(residual[rows, j], motion.u[rows, j])}
     return out
+
+
+def unjudged_gap(left: Floats, effort: Floats) -> Gap:
+    """Return the gap of an axis that is not judged: what is left of its effort, (m,) [N or N·m], no noise known."""
+    level = rms(left)
+    return Gap(level, level / max(rms(effort), 1e-300), float("nan"), level)
 
 
 def _expected(c: Comparison, joint: int) -> tuple[float, float]:
@@ -58,15 +65,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
     row to row is known, which counts in any case. A twin adds what friction scatters from its runs to these.
     """
     motions = c.motions[: len(c.logs)]
-    pairs = list(repeats(motions))
-    out = {}
-    for j in c.new.joints:
-        level = rough(c.new, j)
-        if pairs:
-            each = [
-                difference(motions[a], motions[b], motions[a].u[:, j], motions[b].u[:, j], j)
-                for a, b in pairs
-            ]
-            level = max(level, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(level, scatter(c, j, by_days(c, j)))) if c.change else level
-    return out, "repeats" if pairs else "assumed"
+    out = {j: noise(c.new, j, motions, [m.u for m in motions]) for j in c.new.joints}
+    if c.change:
+        out = {j: float(np.hypot(x, scatter(c, j, by_days(c, j)))) for j, x in out.items()}
+    return out, "repeats" if repeats(motions) else "assumed"

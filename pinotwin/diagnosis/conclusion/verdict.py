@@ -42,7 +42,8 @@ def judge(
     known = gaps.keys() - told
     unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
     left = (*open_axes, *patterns, *unsure, *(name for name in c.gate.silent if name in gaps))
-    unexplained = {axis: {"u": _left(gaps[axis]["u"])} for axis in left}
+    ratio = {axis: gaps[axis]["u"].after / max(gaps[axis]["u"].rms, 1e-300) for axis in left}
+    unexplained = {axis: {"u": float(np.clip(x**2, 0.0, 1.0))} for axis, x in ratio.items()}
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
     else:
@@ -65,11 +66,6 @@ def judge(
 def _axes(e: Found) -> set[str]:
     """Return the axis of an effect, and those that it acts on: a load on one link weighs on others."""
     return {str(e.axis), *e.acts}
-
-
-def _left(g: Gap) -> float:
-    """Return the share of a squared gap that no named cause closes."""
-    return float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))
 
 
 def _open(c: Comparison, axis: str, g: Gap) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,26 +14,28 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
 
 
-def repeats(motions: Sequence[Motion]) -> Iterator[tuple[int, int]]:
-    """Yield the places of every two logs of one command."""
+def repeats(motions: Sequence[Motion]) -> list[tuple[int, int]]:
+    """Return the places of every two logs of one command."""
     known = labels(motions)
-    for b, label in enumerate(known):
-        yield from ((a, b) for a in range(b) if known[a] == label)
+    return [(a, b) for b, label in enumerate(known) for a in range(b) if known[a] == label]
 
 
 def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> dict[int, float]:
-    """Return joint -> RMS of the noise of what is left [N or N·m]; of single runs none is known.
+    """Return joint -> RMS of the noise of what is left, (n, nv) [N or N·m]; of single runs none is known."""
+    parts = np.split(residual, np.cumsum([len(m) for m in motions])[:-1])
+    return {j: noise(new, j, motions, parts) for j in new.joints} if repeats(motions) else {}
+
+
+def noise(new: Sample, joint: int, motions: Sequence[Motion], parts: Sequence[Floats]) -> float:
+    """Return the noise of a joint [N or N·m] by which repeats differ, each of whose channels are (m, nv).
 
     Noise locked to the position, as of an encoder's steps, is the same in both runs: what is rough counts in any case.
     """
-    edges = np.cumsum([0, *(len(m) for m in motions)])
-    parts = [residual[a:b] for a, b in pairwise(edges)]
-    pairs = list(repeats(motions))
-    out: dict[int, float] = {}
-    for j in new.joints if pairs else ():
-        each = [difference(motions[a], motions[b], parts[a][:, j], parts[b][:, j], j) for a, b in pairs]
-        out[j] = max(rough(new, j), float(np.sqrt(np.mean(np.square(each)))))
-    return out
+    pairs = repeats(motions)
+    each = [
+        difference(motions[a], motions[b], parts[a][:, joint], parts[b][:, joint], joint) for a, b in pairs
+    ]
+    return max([rough(new, joint), *([rms(np.array(each))] if each else [])])
 
 
 def rough(new: Sample, joint: int) -> float:

@@ -7,7 +7,7 @@ motion are used: at rest, dry friction holds any effort up to its level. An axis
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
+from pinotwin.effects.scene import Shaking
 from pinotwin.identification.assemble import Rows, choose_rows, thin
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, since_start
@@ -24,8 +25,6 @@ ROW_RATE = 200.0
 MOST_ROWS = 12_000  # Rows of a joint beyond which every log is thinned further
 SKIMMED_ROWS = 3_000
 """Instants from which the instances of one effect are ranked: enough for a hundred numbers."""
-MOMENTARY = ("position", "velocity")
-"""Effects without states: their columns follow from the motion of the moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +35,9 @@ class Sample:
     rows: Rows  # which rows, by joint
     residual: Mapping[int, Floats]  # joint -> measured effort less the twin's, shape (m,)
     effort: Mapping[int, Floats]  # joint -> measured effort, shape (m,)
+    # what effects that shake others do to their own axis at the skimmed instants, (k, p); who feels it, and how much
+    swings: dict[Effect, Floats] = field(default_factory=dict, repr=False)
+    felt: dict[tuple[str, float], tuple[tuple[int, ...], Floats]] = field(default_factory=dict, repr=False)
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -70,11 +72,21 @@ class Sample:
     def skimmed(self, effect: Effect, finer: Sample) -> tuple[dict[int, Floats], dict[int, Ints]]:
         """Return the columns of an effect on some rows of every joint, and these rows; near, and much faster.
 
-        One without states is computed on them alone, another on all rows of a finer sample.
+        One without states is computed on them alone, another on all rows of a finer sample, once if it shakes others.
         """
         few, rows, place, motion = self._few
-        found = effect.columns(motion if effect.depends in MOMENTARY else finer.coarse)
-        if effect.depends not in MOMENTARY:
+        if isinstance(effect, Shaking):
+            if (load := (effect.axis, effect.load)) not in self.felt:
+                self.felt[load] = effect.felt(motion)
+            if effect not in self.swings:
+                at = np.searchsorted(finer.rows.sample, self.rows.sample[few])
+                self.swings[effect] = effect.swing(finer.coarse).values[at, 0]
+            own, (joints, shares) = self.swings[effect], self.felt[load]
+            pairs = [(k, j) for k, j in enumerate(joints) if j in place]
+            return {j: own[place[j]] * shares[place[j], k, None] for k, j in pairs}, rows
+        momentary = effect.depends in ("position", "velocity")
+        found = effect.columns(motion if momentary else finer.coarse)
+        if not momentary:
             at = np.searchsorted(finer.rows.sample, self.rows.sample[few])
             place = {j: at[k] for j, k in place.items()}
         pairs = [(at, j) for at, j in enumerate(found.joints) if j in place]

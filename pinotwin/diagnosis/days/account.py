@@ -58,17 +58,18 @@ class Account:
     """
 
     def __init__(self, found: Lacking) -> None:
-        g = self.start = Ground.of(
-            found.start.c, ROW_RATE
-        )  # names are told by half of the rows, numbers by all
+        # Names are told by half of the rows, numbers by all.
+        g = self.start = Ground.of(found.start.c, ROW_RATE)
         self.causes = list[Told]()
         self.disturbed = {x.joint for x in found.causes if x.searched}
-        self.patterns = {
-            x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern) and x.axis
-        }
+        self.patterns = {x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern)}
         for own in found.listed:
             g = beside(g, _again(g, own) or own)
-        pairs = [(x, x.taken, _probability(x, x.taken)) for x in found.named if x.taken is not None]
+        # Of a cause and its kin, of which it is the simplest that is as good.
+        taken = [
+            (x, y, [p for z, p in x.probabilities() if kin(z, y)]) for x in found.named if (y := x.taken)
+        ]
+        pairs = [(x, y, min(sum(p), 1.0)) for x, y, p in taken]
         # Those that are sure first, the largest before others, and pushes beside what comes with the motion.
         pairs.sort(key=lambda x: (x[2] < SETTINGS.likely, x[1].effect is None, -x[1].worth))
         for turn, one, sure in pairs:
@@ -94,7 +95,8 @@ class Account:
         named_ = [x.one for x in self.causes if x.sure and j in x.one.fit.held]
         whole, gained = list[Floats](), list[Floats]()
         for k in (0, int(told)):
-            whole.append(self.start.whole(j, k))
+            p = self.start.parts[j][k]
+            whole.append(np.add.reduceat(p.left**2, p.edges[:-1]))
             gained.append((_left(named_[-1], j, k) if named_ else whole[-1]) - _left(one, j, k))
         promised = float(gained[0].sum() / max(float(whole[0].sum()), 1e-300))
         on = "validation" if told else "fitted logs" if one.searched else "held-out blocks"
@@ -156,14 +158,20 @@ def alike(turn: Turn) -> list[list[str]]:
         return []
     own = max(p for x, p in found if (x.name, x.axis) == (one.name, one.axis))
     inseparable = [] if one.effect is None else [f"{one.axis}.{x}" for x in named(one.effect).inseparable]
-    near = [f"{x.axis}.{x.name}" for x, p in found if p > own * np.exp(-SETTINGS.number) and kin(x, one)]
-    group = list(dict.fromkeys([f"{one.axis}.{one.name}", *inseparable, *near]))
+    near = [x for x, p in found if p > own * np.exp(-SETTINGS.number) and kin(x, one)]
+    same = [f"{x.axis}.{x.name}" for x in (*near, *_ratios(turn, one))]
+    group = list(dict.fromkeys([f"{one.axis}.{one.name}", *inseparable, *same]))
     return [group] if len(group) > 1 else []
 
 
-def _probability(turn: Turn, one: Lack) -> float:
-    """Return the probability of a cause and of its kin, of which it is the simplest that is as good [1]."""
-    return min(sum(p for x, p in turn.probabilities() if kin(x, one)), 1.0)
+def _ratios(turn: Turn, one: Lack) -> list[Lack]:
+    """Return factors on the effort of other axes that nobody knows beside this one: only their ratio shows."""
+    g = turn.ground
+    others = [
+        x for x in turn.rivals if g not in (x.ground, one.ground) and x.joint != one.joint and x.total > BAR
+    ]
+    again = [(x, judged(beside(g, one), x.effect, x.axis, x.tables)) for x in others]
+    return [x for x, y in again if y is None or abs(x.theta[0]) < 2.0 * y.fit.error[0]]
 
 
 def _found(x: Told, levels: Mapping[int, float]) -> Found:

@@ -16,7 +16,7 @@ from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.conclusion.advice import advise, of_one_run, of_other_state, resting
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.conclusion.provenance import provenance
-from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gap
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
@@ -105,7 +105,7 @@ class Answer:
         for axis, gap in self.track.gaps.items():
             if axis in out:
                 out[axis]["e"] = gap
-        for (axis, _), (between, _) in self.between.items():
+        for axis, (between, _) in self.between.items():
             out.setdefault(axis, {})["ql"] = between
         return out
 
@@ -117,8 +117,7 @@ class Answer:
             j = self.c.machine.names.index(axis)
             rows = judged_rows(self.new.motion, j)
             if rows.any():
-                level, size = rms(self.new.left[rows, j]), rms(self.new.motion.u[rows, j])
-                out[axis] = {"u": Gap(level, level / max(size, 1e-300), float("nan"), level)}
+                out[axis] = {"u": unjudged_gap(self.new.left[rows, j], self.new.motion.u[rows, j])}
         return out
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
@@ -162,8 +161,8 @@ class Answer:
         shrink: dict[str, Shrink] = {"u": acts[axis]} if axis in acts else {}
         if row.group == "law" or row.name == "limit":
             shrink["law"] = self._law(row, axis)
-        if (axis, "encoders") in self.between and id(x) in self.between[axis, "encoders"][1]:
-            shrink["ql"] = self.between[axis, "encoders"][1][id(x)]
+        if axis in self.between and id(x) in self.between[axis][1]:
+            shrink["ql"] = self.between[axis][1][id(x)]
         told = sizes(row, at)
         theta = {s.name.partition(".")[2] or s.name: s.after for s in told}
         if row.name == "payload":
@@ -203,8 +202,8 @@ class Answer:
         return shrunk(before, share, (max(2.0 * share - 1.0, 0.0), 1.0), share, "held-out blocks", None)
 
     @cached_property
-    def between(self) -> dict[tuple[str, str], tuple[Gap, dict[int, Shrink]]]:
-        """Return axis, "encoders" -> gap of motor against load, and what each cause closes of it."""
+    def between(self) -> dict[str, tuple[Gap, dict[int, Shrink]]]:
+        """Return axis -> gap of motor against load, and what each cause closes of it."""
         out = {}
         for name in self.r.axes:
             if (name, "encoders") not in self.r.whitenings:
@@ -213,8 +212,8 @@ class Answer:
             gaps = [s.axes[name]["gap"] for s in self.new.stretches]
             size = rms(np.concatenate([x - x.mean() for x in gaps]))
             usual = rms(np.concatenate(self.r.left(self.r.logs, name, "encoders")))
-            level, shrinks = rms(np.concatenate(left)), {}
-            now = level
+            now = level = rms(np.concatenate(left))
+            shrinks = {}
             for x in self.named:
                 acts = x.row.acts.get(name, [])
                 if not acts or "encoders" not in acts[0]:
@@ -226,7 +225,7 @@ class Answer:
                 now = min(now, after)
             gone = sum(s.share for s in shrinks.values())
             after = level * float(np.sqrt(max(1.0 - gone, 0.0)))
-            out[name, "encoders"] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shrinks
+            out[name] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shrinks
         return out
 
     def against(self) -> set[int]:
@@ -356,7 +355,7 @@ def _judged(
     decision = trained()
     q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
     if _proofs(c):
-        return Judged([], 0.0, False, None, [], {}, [])
+        return Judged([], False, None, [], {}, [])
     return judge(q, decision, decision.limit(options["false_alarm"], r.days), admits)
 
 

@@ -115,7 +115,7 @@ class Fit:
         held: joint -> log density of every cell by numbers that do not know it. full: by numbers that do.
         seen: joint -> log density of every validation cell by the numbers as they are, none without such logs.
         cost: log prior of the healthy day [nats]. left: joint -> what is left, summed squares [N² or N²·m²].
-        habit: joint -> healthy day that was found, in standard deviations.
+        days: joint -> what is taken off of the twin's columns, and of the healthy day, in standard deviations.
         theta: numbers, shape (p,). covariance: theirs, shape (p, p).
     """
 
@@ -124,7 +124,7 @@ class Fit:
     seen: Mapping[int, Floats]
     cost: float
     left: Mapping[int, float]
-    habit: Mapping[int, Floats]
+    days: Mapping[int, Floats]
     theta: Floats
     covariance: Floats
 
@@ -133,9 +133,10 @@ class Fit:
         """Standard errors of the numbers, shape (p,)."""
         return errors(self.covariance)
 
-    def scaled(self, size: Floats) -> Fit:
-        """Return the fit of columns that are so many times as large, shape (p,)."""
-        return replace(self, theta=self.theta / size, covariance=self.covariance / np.outer(size, size))
+    @property
+    def density(self) -> float:
+        """Log density of all cells, and of the healthy day [nats]."""
+        return sum(float(x.sum()) for x in self.held.values()) + self.cost
 
 
 @dataclass(eq=False)
@@ -174,7 +175,11 @@ class Ground:
             past = cls(c, own, _known(c, own))
             for j in own[0].joints:
                 past._lay(j)
-        samples = _thinner(c, rate)
+        samples = list[Sample]()
+        for s in (c.new, c.unseen):
+            if s is not None:
+                thin = _thin(c, s, s.motion.u - c.twin.effort(s.motion), rate)
+                samples.append(within(thin, samples[0], c.twin) if samples else thin)
         out = cls(c, samples, _known(c, samples), past=past)
         for j in samples[0].joints:
             out._lay(j)
@@ -195,7 +200,7 @@ class Ground:
         self.rough.pop(j, None)
         if j not in self.days:
             self.days[j] = self._day(j)
-        each = [self._columns(k, j) for k, s in enumerate(self.samples) if j in s.joints]
+        each = [self.columns(k, j) for k, s in enumerate(self.samples) if j in s.joints]
         turn = _compressed(each[0])
         self.parts[j] = [
             Part.of(s, j, x @ turn, day)
@@ -211,8 +216,13 @@ class Ground:
             self.noise[j] = float(sigma), max(rows, 1.0)
             self.base[j] = self._alone(j)
             left = self.left(j)
-        usual = np.abs(self.base[j].habit[j]) <= USUAL.far
-        if not usual.all():
+        self.settle(j)
+
+    def settle(self, j: int) -> None:
+        """Fit a joint without any cause; what is no habit of a healthy axis leaves its day."""
+        self.base[j] = self._alone(j)
+        twin = self.parts[j][0].twin.shape[1]
+        while not (usual := np.abs(self.base[j].days[j][twin:]) <= USUAL.far).all():
             self.parts[j] = [replace(x, day=x.day * usual) for x in self.parts[j]]
             self.base[j] = self._alone(j)
 
@@ -227,44 +237,47 @@ class Ground:
 
     def as_noisy_as(self, rest: Ground) -> Ground:
         """Return the ground by the noise of what is left beside a cause: numbers are as sure as that is small."""
-        out = replace(self, noise=dict(self.noise), base=dict(self.base))
-        for j in (j for j in self.parts if rest.parts[j] is not self.parts[j]):
-            out.noise[j] = max(rms(rest.left(j)), 1e-300), rest.noise[j][1]
-            out.base[j] = out._alone(j)
-        return out
+        other = [j for j in self.parts if rest.parts[j] is not self.parts[j]]
+        return self._with_noise({j: (max(rms(rest.left(j)), 1e-300), rest.noise[j][1]) for j in other})
 
     def fine(self, j: int) -> Ground:
         """Return the ground on which rows of a joint tell more: what lasts a while is no noise here."""
-        sigma, apart = self.noise[j]
-        out = replace(self, noise={**self.noise, j: (sigma, float(np.sqrt(apart)))}, base=dict(self.base))
-        out.base[j] = out._alone(j)
+        return self._with_noise({j: (self.noise[j][0], float(np.sqrt(self.noise[j][1])))})
+
+    def _with_noise(self, noise: Mapping[int, tuple[float, float]]) -> Ground:
+        out = replace(self, noise={**self.noise, **noise}, base=dict(self.base))
+        out.base |= {j: out._alone(j) for j in noise}
         return out
 
-    def power(self, j: int, density_: Floats, part: int = 0) -> Floats:
+    @cached_property
+    def shared(self) -> tuple[Floats, dict[int, Floats]]:
+        """What turns all columns into those that all axes together tell apart, shape (b, z), and what each axis tells.
+
+        Joint -> Gram matrix of these and of what is left, over the noise, shape (z + 1, z + 1).
+        """
+        each = {j: self.columns(0, j) for j in self.parts}
+        turn, out = _compressed(np.vstack(list(each.values()))), dict[int, Floats]()
+        for j, X in each.items():
+            rows = np.c_[X @ turn, self.parts[j][0].left] / self.noise[j][0]
+            out[j] = rows.T @ rows / self.noise[j][1]
+        return turn, out
+
+    def power(self, j: int, density_: Floats, part: int) -> Floats:
         """Return the squared residual of every cell of a joint from its log density [nats], (c,) [N² or N²·m²]."""
         sigma, spread = self.noise[j]
         return squared(density_, np.diff(self.parts[j][part].edges) / spread) * sigma**2 * spread
 
-    def whole(self, j: int, part: int) -> Floats:
-        """Return the squared residual of every cell of a joint as the twin leaves it, (c,); of no cell without logs."""
-        if part >= len(self.parts[j]):
-            return np.zeros(0)
-        p = self.parts[j][part]
-        return np.add.reduceat(p.left**2, p.edges[:-1])
-
-    def refitted(self, j: int, tables: Tables, fit: Fit) -> Floats:
+    def refitted(self, j: int, fit: Fit) -> Floats:
         """Return how the twin's coefficients move beside a cause, by the rows of one joint, shape (b,)."""
-        p, sigma = self.parts[j][0], self.noise[j][0]
-        x = _numbers(p.cells(self.noise[j], tables[0][j]), fit.full[j], fit.theta)
-        found = _compressed(self._columns(0, j)) @ -x[1 : 1 + p.twin.shape[1]]
-        return np.asarray(found[: len(self.c.twin.theta)] * USUAL.wide * sigma)
+        found = _compressed(self.columns(0, j)) @ -fit.days[j][: self.parts[j][0].twin.shape[1]]
+        return np.asarray(found[: len(self.c.twin.theta)] * USUAL.wide * self.noise[j][0])
 
     def instead(self, j: int, columns: Floats, own: Sequence[int]) -> tuple[Floats, Floats, Floats] | None:
         """Return the numbers of columns (m, p) that stand for some of the twin's on a joint; None if they do not.
 
         What turns the twin's numbers into these, shape (p, len(own)); numbers, shape (p,); their covariance.
         """
-        X, p = self._columns(0, j), self.parts[j][0]
+        X, p = self.columns(0, j), self.parts[j][0]
         turn = np.linalg.lstsq(columns, X[:, own], rcond=1e-9)[0]
         if np.sum((X[:, own] - columns @ turn) ** 2) > 1e-6 * np.sum(X[:, own] ** 2):
             return None
@@ -277,11 +290,10 @@ class Ground:
     def left(self, j: int) -> Floats:
         """Return what the nuisances alone leave of the rows of a joint, shape (m,) [N or N·m]."""
         p = self.parts[j][0]
-        cells = p.cells(self.noise[j], np.zeros((len(p.left), 0)))
-        x = _numbers(cells, self.base[j].full[j], np.zeros(0))[1:]
-        return np.column_stack([p.twin * USUAL.wide * self.noise[j][0], p.day, p.left]) @ x
+        return p.left + np.hstack([p.twin * USUAL.wide * self.noise[j][0], p.day]) @ self.base[j].days[j]
 
-    def _columns(self, k: int, j: int) -> Floats:
+    def columns(self, k: int, j: int) -> Floats:
+        """Return the columns of the twin, and of what was found, of a joint on a sample, shape (m, b)."""
         found = []
         for tables, width in self.found:
             none = np.zeros((len(self.own[k][j]), width))
@@ -329,40 +341,38 @@ class Ground:
         count = tables[0][joints[0]].shape[1]
         use = [self.parts[j][0].cells(self.noise[j], tables[0][j]) for j in joints]
         got = score([(x, x.at["cause"]) for x in use], count, start=start)
-        seen, left, habit = {}, {}, {}
-        for j, cells, full in zip(joints, use, got.full, strict=True):
-            x = _numbers(cells, full, got.theta)
-            habit[j] = x[1 + self.parts[j][0].twin.shape[1] : 1 + cells.day]
-            left[j] = _least(cells) * self.noise[j][0] ** 2 * self.noise[j][1]
-            seen[j] = self._seen(j, tables, -x[1 + cells.day : -1], x)
-        held, every = (dict(zip(joints, x, strict=True)) for x in (got.held, got.full))
-        return Fit(held, every, seen, got.cost, left, habit, got.theta, got.covariance)
+        left = {
+            j: _least(c) * self.noise[j][0] ** 2 * self.noise[j][1] for j, c in zip(joints, use, strict=True)
+        }
+        held, every, days = (dict(zip(joints, x, strict=True)) for x in (got.held, got.full, got.days))
+        seen = {j: self._seen(j, tables, got.theta, days[j]) for j in joints}
+        return Fit(held, every, seen, got.cost, left, days, got.theta, got.covariance)
 
-    def _seen(self, j: int, tables: Tables, theta: Floats, x: Floats) -> Floats:
+    def _seen(self, j: int, tables: Tables, theta: Floats, day: Floats) -> Floats:
         """Return the log density of the validation cells of a joint by numbers as they are."""
         if len(self.parts[j]) < 2:
             return np.zeros(0)
         p, none = self.parts[j][1], np.zeros((len(self.parts[j][1].left), len(theta)))
         cells = p.cells(self.noise[j], tables[1].get(j, none) if len(tables) > 1 else none)
+        x = np.r_[0.0, day, -theta, 1.0]
         left = np.maximum(np.einsum("i,cij,j->c", x, cells.gram, x), 0.0)
         return density(left, cells.rows)
 
-    def explains(self, effect: Effect) -> float:
-        """Return about what an effect explains [1], by some rows; -1 if it cannot be."""
-        columns, rows = self.samples[0].skimmed(effect, self.c.new)
-        X, y = [], []
-        for j, x in columns.items():
-            if j in self.parts:
-                Q, weight, left = self._some(j, rows[j])
-                X.append(weight[:, None] * (x - Q @ (Q.T @ x)))
-                y.append(left)
-        A, b = np.concatenate(X or [np.zeros((0, 0))]), np.concatenate(y or [np.zeros(0)])
-        if not A.shape[1] or not np.isfinite(A).all():
-            return -1.0
-        d = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        N = (A / d).T @ (A / d) + 1e-6 * np.eye(len(d))
-        theta = np.linalg.solve(N, (A / d).T @ b) / d
-        return float(b @ A @ theta) if effect.possible(theta) else -1.0
+    def explains(self, effects: Sequence[Effect], block: int = 32) -> list[float]:
+        """Return about what each effect explains [1], by some rows; -1 if it cannot be. So many share a product."""
+        if len(effects) > block:
+            return [x for k in range(0, len(effects), block) for x in self.explains(effects[k : k + block])]
+        each = [self.samples[0].skimmed(e, self.c.new) for e in effects]
+        ends = np.cumsum([0, *(len(e.coefficients()) for e in effects)]).tolist()
+        own, N, right = list(map(slice, ends, ends[1:])), np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
+        for j in {j for columns, _ in each for j in columns if j in self.parts}:
+            Q, weight, left = self._some(j, each[0][1][j])
+            X = np.zeros((len(left), ends[-1]))
+            for (columns, _), at in zip(each, own, strict=True):
+                X[:, at] = columns.get(j, 0.0)
+            A = weight[:, None] * (X - Q @ (Q.T @ X))
+            N, right = N + A.T @ A, right + A.T @ left
+        return [_explained(e, N[at, at], right[at]) for e, at in zip(effects, own, strict=True)]
 
     def _some(self, j: int, rows: Ints) -> tuple[Floats, Floats, Floats]:
         """Return an orthonormal base of the nuisances on some rows, weights (less of loud cells), and what is left."""
@@ -416,16 +426,6 @@ class Ground:
         return float(np.sqrt(max(self.base[j].left[j], 0.0) / count) / max(size, 1e-300))
 
 
-def _thinner(c: Comparison, rate: float) -> list[Sample]:
-    """Return the samples of a comparison at about a rate [Hz]."""
-    out = list[Sample]()
-    for s in (c.new, c.unseen):
-        if s is not None:
-            thin = _thin(c, s, s.motion.u - c.twin.effort(s.motion), rate)
-            out.append(within(thin, out[0], c.twin) if out else thin)
-    return out
-
-
 def _thin(c: Comparison, s: Sample, residual: Floats, rate: float) -> Sample:
     own = s.motion.decimation  # whole ones of its rows, for what swings is screened on these
     count = own * max(round(1.0 / (s.motion.step * own * rate)), 1)
@@ -469,16 +469,13 @@ def _compressed(X: Floats) -> Floats:
     return out
 
 
-def _numbers(c: Cells, full: Floats, theta: Floats) -> Floats:
-    """Return the combination of a cell's columns that is what is left: nothing, the day, the cause, and one."""
-    nu = SETTINGS.freedom
-    weight = (nu + c.rows) / (nu + squared(full, c.rows))
-    N = np.tensordot(weight, c.gram, 1)[1:, 1:]
-    own = N[: c.day, : c.day] + np.eye(c.day)
-    d = 1.0 / np.sqrt(np.diag(own))
-    right = N[: c.day, -1] - N[: c.day, c.day : -1] @ theta
-    day = np.linalg.solve(own * d * d[:, None], right * d) * d
-    return np.r_[0.0, -day, -theta, 1.0]
+def _explained(effect: Effect, N: Floats, right: Floats) -> float:
+    """Return what an effect explains by the normal equations of its columns, (p, p) and (p,); -1 if it cannot be."""
+    d = np.sqrt(np.maximum(np.diag(N), 1e-300))
+    if not len(d) or not np.isfinite(N).all():
+        return -1.0
+    theta = np.linalg.solve(N / np.outer(d, d) + 1e-6 * np.eye(len(d)), right / d) / d
+    return float(right @ theta) if effect.possible(theta) else -1.0
 
 
 def _least(c: Cells) -> float:

@@ -40,7 +40,6 @@ class Judged:
 
     Attributes:
         named: causes, in the order in which they were found.
-        nothing: P(nothing has changed) of the first question.
         unknown: whether something has changed that no cause explains, at last.
         described: the best description of what is left, then.
         rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
@@ -49,7 +48,6 @@ class Judged:
     """
 
     named: Sequence[Named]
-    nothing: float
     unknown: bool
     described: Row | None
     rows: Sequence[Row]
@@ -129,7 +127,7 @@ def judge(
 ) -> Judged:
     """Return what has changed: causes are named while P(nothing) [1] is below a limit."""
     found: list[Named] = []
-    first: tuple[float, list[Row], Case, Asked] | None = None
+    first: tuple[list[Row], Asked] | None = None
     unknown, described, possible = False, None, list[Named]()
     # A validation log is held against the first question alone: what it refutes there stays refuted.
     refuted: set[tuple[str, str, str]] = set()
@@ -141,7 +139,7 @@ def judge(
         case, rows, asked = evidence(q, [x.row for x in found], stands)
         refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
         P = decision.probabilities(case)
-        first = first or (float(P[0]), rows, case, asked)
+        first = first or (rows, asked)
         if P[0] >= limit:
             break
         best = int(np.argmax(np.log(P[1:] + 1e-300).round(1)))  # of two alike the first that is listed
@@ -156,9 +154,9 @@ def judge(
         if found[-1].row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
     assert first is not None
-    nothing, rows, case, asked = first
+    rows, asked = first
     could = detectable(asked, decision.bars[known(q.reference.days)])
-    return Judged(found, nothing, unknown, described, rows, asked.open, could, possible)
+    return Judged(found, unknown, described, rows, asked.open, could, possible)
 
 
 def _named(case: Case, P: Floats, best: int) -> Named:

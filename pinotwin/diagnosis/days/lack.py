@@ -11,8 +11,10 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named, same_cause
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.days.body import possible as body_can_be
+from pinotwin.diagnosis.days.coupled import coupled
 from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.ground import Fit, Ground, Tables
+from pinotwin.diagnosis.days.mechanisms import group_of
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import positive, spread
 from pinotwin.diagnosis.days.score import errors
@@ -20,19 +22,8 @@ from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
 
-GROUPS = {
-    "friction": ("coulomb_asymmetric", "viscous_asymmetric"),
-    "onset": ("presliding", "hysteresis"),
-    "body": ("inertial_coupling", "wrist_coupling", "payload", "geometric_error"),
-    "flex": ("drive_flexibility",),
-    "play": ("backlash",),
-    "offset": ("offset",),
-    "scale": ("effort_scale",),
-    "encoder": ("encoder_error",),
-    "time": ("external_force",),
-}
-"""Groups of the decision; another effect is a form, a pattern a description."""
-GROUP = {name: group for group, names in GROUPS.items() for name in names}
+BODIES = ("inertial_coupling", "wrist_coupling", "payload", "geometric_error")
+"""A load shows on the axis that lifts it, whichever carries it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,17 +84,12 @@ class Lack:
     @property
     def own(self) -> float:
         """The same on its own axis alone [nats]."""
-        return float(self.gains(self.joint).sum()) + self.seen(self.joint) - self.price
+        return float(self.gains(self.joint).sum()) + self.seen(self.joint) + self.day - self.price
 
     @property
     def share(self) -> float:
         """Share of the squared residual of its axis that it closes [1]."""
         return 1.0 - self.fit.left[self.joint] / max(self.ground.base[self.joint].left[self.joint], 1e-300)
-
-    @property
-    def closes(self) -> float:
-        """What it closes of the squared residual of its axis [N² or N²·m²]."""
-        return self.ground.base[self.joint].left[self.joint] - self.fit.left[self.joint]
 
     @property
     def worth(self) -> float:
@@ -199,13 +185,10 @@ class Lack:
         )
         if c.change or at is None or not carried:
             return carried, carried
-        still = np.zeros_like(c.new.motion.q[:1])
-        push, middle = still.copy(), c.new.motion.q.mean(axis=0, keepdims=True)
-        push[0, j] = 1.0
-        rows = m.base.regressor(m.model, middle, still, push) - m.base.regressor(
-            m.model, middle, still, still
-        )
-        return carried, carried + float(rows[0, j] @ g.refitted(j, self.tables, self.fit)[at])
+        middle = c.new.motion.q.mean(axis=0, keepdims=True)
+        still, push = np.zeros_like(middle), np.eye(middle.shape[1])[j : j + 1]
+        rest, more = (m.base.regressor(m.model, middle, still, a)[0, j] for a in (still, push))
+        return carried, carried + float((more - rest) @ g.refitted(j, self.fit)[at])
 
     def row(self) -> Row:
         """Return its row of evidence, by which a decision is trained."""
@@ -218,7 +201,7 @@ class Lack:
         return Row(
             name="describe" if pattern else self.name,
             axis=self.axis,
-            group="describe" if pattern else GROUP.get(self.name, "form"),
+            group="describe" if pattern else group_of(self.name),
             score=self.total,
             by={"plant": gain, "day": self.day},
             price=self.price,
@@ -250,7 +233,11 @@ def judged(
     """
     if not tables or not tables[0]:
         return None
-    names, first = g.c.machine.names, tables[0]
+    names = g.c.machine.names
+    if effect is not None and not g.c.change and effect.name == "effort_scale":
+        g, tables, likelier = coupled(g, names.index(axis))
+        price += likelier
+    first = tables[0]
     j = names.index(axis) if axis in names and names.index(axis) in first else next(iter(first))
     size = np.sqrt(sum(np.mean(x**2, axis=0) / g.noise[k][0] ** 2 for k, x in first.items()))
     p, x = g.parts[j][0], first[j]
@@ -259,12 +246,14 @@ def judged(
         return None
     scaled = [{k: x / size for k, x in t.items()} for t in tables]
     start = np.linalg.lstsq(scaled[0][j], g.left(j), rcond=None)[0] if effect is None else None
-    fit = g.fit(scaled, start).scaled(size)
-    numbers = 0 if effect is None else len(size) + type(effect).searched
+    fit = g.fit(scaled, start)
+    fit = replace(fit, theta=fit.theta / size, covariance=fit.covariance / np.outer(size, size))
+    # Numbers that are fitted pay for themselves: no cell is judged by numbers that know it.
+    numbers = 0.0 if effect is None else 0.25 * len(size) + type(effect).searched
     price += SETTINGS.number * numbers + len(fit.held) - 1.0  # of two alike that on fewer axes
     name = "external_force" if effect is None else named(effect).name
     out = Lack(name, axis, effect, tables, fit, g, j, price)
-    if GROUP.get(name) == "body":  # a load shows on the axis that lifts it, whichever carries it
+    if name in BODIES:
         out = replace(out, joint=max(fit.held, key=lambda k: float(out.gains(k).sum())))
     return out
 

@@ -65,25 +65,39 @@ def _command(asked: Asked, name: str) -> list[Row]:
     late = np.asarray(np.arange(-2, 15) * asked.q.logs[0].cycle, dtype=float)
     times = np.array([0.0, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13])
     return [
-        *_otherwise(asked, name, "command_late", _earlier, late),
-        *_otherwise(asked, name, "command_jitter", _smoothed, times),
+        *_otherwise(asked, name, "command_late", lambda s, x: _earlier(s, name, x), late),
+        *_otherwise(asked, name, "command_jitter", lambda s, x: _smoothed(s, name, x), times),
     ]
 
 
 def _otherwise(
-    asked: Asked, name: str, cause: str, changed: Callable[[Stretch, str, float], Stretch], tried: Floats
+    asked: Asked,
+    axis: str,
+    cause: str,
+    changed: Callable[[Stretch, float], Stretch],
+    tried: Floats,
+    healthy: float = 0.0,
 ) -> list[Row]:
-    """Return the row of a command changed by the number that leaves least of the law; none where that is 0."""
+    """Return the row of a log changed by the number that leaves least; none where that is the healthy one.
+
+    What counts is left of the law of an axis, or of every equation of all.
+    """
+    names = asked.r.axes if axis == ALL else (axis,)
 
     def left(number: float) -> tuple[list[Stretch], list[Left]]:
-        logs = [changed(s, name, number) for s in asked.q.logs]
-        return logs, [asked.r.residuals(s, [name]) for s in logs]
+        logs = [changed(s, number) for s in asked.q.logs]
+        return logs, [asked.r.residuals(s, names) for s in logs]
 
-    best = _best(tried, 0.0, lambda x: float(sum(np.log(np.var(each[name, "law"])) for each in left(x)[1])))
-    if not best:
+    def rest(number: float) -> float:
+        parts = [x for each in left(number)[1] for (_, e), x in each.items() if axis == ALL or e == "law"]
+        return float(sum(np.log(np.var(x) + 1e-300) for x in parts))
+
+    best = _best(tried, healthy, rest)
+    if best == healthy:
         return []
-    c = cells(asked.r, *left(best), name)
-    return [again(cause, name, (asked.cells, {name: c}), best, SETTINGS.number + 2.0)]
+    logs, residuals = left(best)
+    told = {k: cells(asked.r, logs, residuals, k) for k in names}
+    return [again(cause, axis, (asked.cells, told), best, SETTINGS.number + 2.0)]
 
 
 def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> float:
@@ -121,20 +135,8 @@ def _smoothed(s: Stretch, name: str, time: float) -> Stretch:
 
 def _clock(asked: Asked) -> list[Row]:
     """Return the row of a clock that runs too fast or too slowly."""
-    q = asked.q
     factors = np.r_[np.arange(0.96, 1.0, 0.01), 0.995, 1.0, 1.005, np.arange(1.01, 1.045, 0.01)]
-
-    def rest(f: float) -> float:
-        each = [asked.r.residuals(_slower(asked.r, s, f)) for s in q.logs]
-        return float(sum(np.log(np.var(x) + 1e-300) for row in each for x in row.values()))
-
-    best = _best(factors, 1.0, rest)
-    if best == 1.0:
-        return []
-    logs = [_slower(asked.r, s, best) for s in q.logs]
-    left = [asked.r.residuals(s) for s in logs]
-    each = {k: cells(asked.r, logs, left, k) for k in asked.r.axes}
-    return [again("clock_scale", ALL, (asked.cells, each), best, SETTINGS.number + 2.0)]
+    return _otherwise(asked, ALL, "clock_scale", lambda s, x: _slower(asked.r, s, x), factors, 1.0)
 
 
 def _slower(r: Reference, s: Stretch, factor: float) -> Stretch:

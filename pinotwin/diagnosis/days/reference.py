@@ -93,7 +93,7 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     known_days = len({s.log for s in logs})
     if not known_days:
         return None
-    bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {})
+    bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {}, days=known_days)
     if known_days < SEVERAL:  # the prior stands for the scatter between days
         logs = [part for s in logs for part in s.thirds()]
     # What an axis does on one log alone can be held against no other.
@@ -103,8 +103,7 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     bare = replace(bare, axes=axes)
     others = {day: _fitted(bare, [s for s in logs if s.log != day]) for day in {s.log for s in logs}}
     unseen = [(s, others[s.log].residuals(s)) for s in logs]
-    known = _measured(_fitted(bare, logs), unseen, known_days * (known_days >= SEVERAL))
-    return replace(known, days=known_days)
+    return _measured(_fitted(bare, logs), unseen)
 
 
 def moved(columns: Sequence[Columns]) -> list[Columns]:
@@ -131,13 +130,12 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
             scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
             y = np.concatenate([c["gap"] for c in columns])
             twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:3]
-    return Reference(bare.twin, bare.axes, bare.top, bare.logs, laws, twists)
+    return replace(bare, laws=laws, twists=twists)
 
 
-def _measured(
-    r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]], days: int
-) -> Reference:
+def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
     """Return the reference with what its equations leave of days that they do not know."""
+    days = r.days if r.days >= SEVERAL else 0
     whitenings, widths, law_widths, tables, laws = {}, {}, {}, {}, dict(r.laws)
     for name in r.axes:
         columns = [s.axes[name] for s, _ in unseen]
@@ -161,7 +159,7 @@ def _measured(
                 del laws[name]  # it copies the plant, or foretells no log
             else:
                 law_widths[name] = _law_widths(laws[name], columns, [x[name, "law"] for _, x in unseen])
-    return Reference(r.twin, r.axes, r.top, r.logs, laws, r.twists, whitenings, widths, law_widths, tables)
+    return replace(r, laws=laws, whitenings=whitenings, widths=widths, law_widths=law_widths, tables=tables)
 
 
 def _day(

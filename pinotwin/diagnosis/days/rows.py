@@ -70,7 +70,12 @@ class Asked:
         place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
         if place is not None and place.form is not None and not possible(self.r, place, theta, error):
             return None
-        if not _can_be(short, theta, error) or _small(short, group, worth, float(theta[-1])):
+        least = 0.0 if short == "payload" else least_share(group)
+        if (
+            not _can_be(short, theta, error)
+            or worth < least
+            or abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
+        ):
             return None
         by = {"day": with_it.cost - alone.cost}
         for (_, e), g in zip(keys, gains, strict=True):
@@ -204,11 +209,6 @@ def _can_be(name: str, theta: Floats, error: Floats) -> bool:
     """Whether a machine can have a number after the change, within two standard errors."""
     low, high = POSSIBLE.get(name, (-np.inf, np.inf))
     return bool(len(theta) > 1 or low - 2.0 * error[-1] <= theta[-1] <= high)
-
-
-def _small(name: str, group: str, worth: float, theta: float) -> bool:
-    """Whether a cause is smaller than is worth a word: 1 % of the effort (5 % for a while) or a gain, 2 µm of play."""
-    return abs(theta) < SETTINGS.told.get(group, 0.0) or (name != "payload" and worth < least_share(group))
 
 
 def least_share(group: str) -> float:

@@ -48,6 +48,7 @@ class Scored:
         held: log density of every cell by numbers that do not know it, one array an equation [nats].
         full: the same by numbers that know all.
         theta: numbers, shape (p,). covariance: theirs, shape (p, p).
+        days: what of the columns of a healthy day is taken off, of every log of every equation, shape (d,) each.
         costs: log prior of the healthy day of every log [nats], shape (logs,).
     """
 
@@ -55,6 +56,7 @@ class Scored:
     full: list[Floats]
     theta: Floats
     covariance: Floats
+    days: list[Floats]
     costs: Floats
 
     @property
@@ -66,19 +68,6 @@ class Scored:
     def cost(self) -> float:
         """Log prior of the healthy days of all logs [nats]."""
         return float(self.costs.sum())
-
-
-@dataclass(frozen=True, eq=False)
-class _View:
-    """The cells of one log and equation, with the columns that are asked."""
-
-    equation: int
-    log: int
-    gram: Floats
-    rows: Floats
-    fold: Ints
-    constant: Floats
-    day: int
 
 
 def score(
@@ -97,46 +86,51 @@ def score(
         fixed: the numbers, where they are known already.
         start: numbers about which they are sought, where a cause acts in few cells: nothing by default.
     """
-    views = _views(use)
+    views = [(c, at, np.flatnonzero(c.log == log)) for c, at in use for log in np.unique(c.log)]
+    gram, rows, fold = _stacked(views, count)
     penalty = 1e-8 * np.eye(count) if prior is None else np.diag(1.0 / np.square(prior))
+    nu, x = SETTINGS.freedom, np.zeros((len(views), 1, gram.shape[-1]))
     # From nothing explained: from equal weights a narrow prior is broken at any price.
-    about = np.zeros(count) if start is None else start
-    weights = [_weight(v, np.r_[np.zeros(v.day), -about, 1.0])[None] for v in views]
+    x[..., -count - 1 :] = np.r_[np.zeros(count) if start is None else -start, 1.0]
     for _ in range(4):
-        step, _, _ = _solved(views, weights, penalty, fixed)
-        weights = [_weight(v, x[0])[None] for v, x in zip(views, step, strict=True)]
-    parts = [
-        np.concatenate([w] + [w * (v.fold != f) for f in range(SETTINGS.folds)])
-        for w, v in zip(weights, views, strict=True)
-    ]
-    steps, theta, information = _solved(views, parts, penalty, fixed)
-    held: list[list[Floats]] = [[] for _ in use]
-    full: list[list[Floats]] = [[] for _ in use]
-    costs = np.zeros(1 + max(v.log for v in views))
-    for v, x in zip(views, steps, strict=True):
-        held[v.equation].append(_density(v, x[1 + v.fold]))
-        full[v.equation].append(_density(v, np.broadcast_to(x[0], (len(v.rows), x.shape[1]))))
-        costs[v.log] -= 0.5 * float(x[0, : v.day] @ x[0, : v.day])
+        x, _, _ = _solved(gram, (nu + rows) / (nu + _left(gram, x)), penalty, fixed)
+    weights = (nu + rows) / (nu + _left(gram, x))
+    without = fold != np.arange(SETTINGS.folds)[:, None]
+    x, theta, information = _solved(gram, np.hstack([weights, weights * without]), penalty, fixed)
+    left, whose = _left(gram, x), [c.log[own[0]] for c, _, own in views]
+    costs = np.asarray(-0.5 * np.bincount(whose, np.sum(x[:, 0, : -count - 1] ** 2, axis=1)), dtype=float)
+
+    def told(left: Floats) -> list[Floats]:
+        pairs = list(zip(density(left, rows)[:, 0], views, strict=True))
+        every = [[x[: len(own)] + c.constant[own] for x, (c, _, own) in pairs if c is one] for one, _ in use]
+        return [np.concatenate(x) for x in every]
+
+    held, full = told(np.take_along_axis(left, 1 + fold, axis=1)), told(left[:, :1])
     covariance = np.linalg.pinv(information[0]) if count else np.zeros((0, 0))
-    return Scored(
-        [np.concatenate(x) for x in held], [np.concatenate(x) for x in full], theta[0], covariance, costs
-    )
+    days = [own[: c.day] for own, (c, _, _) in zip(x[:, 0], views, strict=True)]
+    return Scored(held, full, theta[0], covariance, days, costs)
 
 
-def _views(use: Sequence[tuple[Cells, Ints]]) -> list[_View]:
-    views = []
-    for k, (c, at) in enumerate(use):
-        columns = np.r_[1 : 1 + c.day, at, c.gram.shape[1] - 1].astype(np.intp)
-        gram = c.gram[:, columns[:, None], columns]
-        for log in np.unique(c.log):
-            rows = np.flatnonzero(c.log == log)
-            views.append(_View(k, int(log), gram[rows], c.rows[rows], c.fold[rows], c.constant[rows], c.day))
-    return views
+def _stacked(views: Sequence[tuple[Cells, Ints, Ints]], count: int) -> tuple[Floats, Floats, Ints]:
+    """Return Gram matrices (v, c, p, p), rows and folds (v, 1, c) side by side, filled up with zeros.
+
+    A view is what one log tells of one equation: its cells, the columns of the cause, and which cells.
+    """
+    day, most = max(c.day for c, _, _ in views), max(len(own) for _, _, own in views)
+    gram = np.zeros((len(views), most, day + count + 1, day + count + 1))
+    rows, fold = np.zeros((2, len(views), 1, most))
+    for k, (c, at, own) in enumerate(views):
+        columns = np.r_[1 : 1 + c.day, np.zeros(day - c.day), at, c.gram.shape[1] - 1].astype(np.intp)
+        gram[k, : len(own)] = c.gram[own[:, None, None], columns[:, None], columns]
+        rows[k, 0, : len(own)], fold[k, 0, : len(own)] = c.rows[own], c.fold[own]
+    return gram, rows, fold.astype(np.intp)
 
 
-def _weight(v: _View, x: Floats) -> Floats:
-    left = np.maximum(np.einsum("i,cij,j->c", x, v.gram, x), 0.0)
-    return np.asarray((SETTINGS.freedom + v.rows) / (SETTINGS.freedom + left))
+def _left(gram: Floats, x: Floats) -> Floats:
+    """Return the squared residual of every cell at combinations of columns (v, f, p), shape (v, f, c)."""
+    views, cells, p, _ = gram.shape
+    square = (x[..., None] * x[..., None, :]).reshape(views, -1, p * p)
+    return np.maximum(square @ gram.reshape(views, cells, p * p).swapaxes(1, 2), 0.0)
 
 
 def density(left: Floats, rows: Floats) -> Floats:
@@ -145,41 +139,27 @@ def density(left: Floats, rows: Floats) -> Floats:
     return np.asarray(-0.5 * (nu + rows) * np.log1p(left / nu))
 
 
-def _density(v: _View, x: Floats) -> Floats:
-    """Return the log density of every cell at numbers of shape (cells, p)."""
-    left = np.maximum(np.einsum("ci,cij,cj->c", x, v.gram, x), 0.0)
-    return density(left, v.rows) + v.constant
-
-
 def _solved(
-    views: Sequence[_View], weights: Sequence[Floats], penalty: Floats, fixed: Floats | None
-) -> tuple[list[Floats], Floats, Floats]:
-    """Return residual combinations of every view, numbers and information, for every row of weights at once."""
-    many, p = weights[0].shape[0], len(penalty)
-    information, right, parts = np.tile(penalty, (many, 1, 1)), np.zeros((many, p)), []
-    for v, w in zip(views, weights, strict=True):
-        N, m = np.tensordot(w, v.gram, 1), v.day
-        own = N[:, :m, :m] + np.eye(m)
-        d = 1.0 / np.sqrt(np.einsum("fii->fi", own))[:, :, None]  # units of a day's columns lie far apart
-        A = d * np.linalg.solve(own * d * d.transpose(0, 2, 1), N[:, :m, m:] * d)
-        parts.append(A)
-        if p:
-            information = information + N[:, m:-1, m:-1] - N[:, m:-1, :m] @ A[:, :, :p]
-            right = right + N[:, m:-1, -1] - (N[:, m:-1, :m] @ A[:, :, p:])[..., 0]
-    theta = np.zeros((many, p))
-    if fixed is not None:
-        theta = np.tile(fixed, (many, 1))
-    elif p:
+    gram: Floats, weights: Floats, penalty: Floats, fixed: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """Return residual combinations (v, f, p) of all views, numbers and information, for weights (v, f, c)."""
+    (views, cells, size, _), many, p = gram.shape, weights.shape[1], len(penalty)
+    N = (weights @ gram.reshape(views, cells, size * size)).reshape(views, many, size, size)
+    m = size - p - 1
+    own = N[..., :m, :m] + np.eye(m)
+    d = 1.0 / np.sqrt(np.einsum("vfii->vfi", own))[..., None]  # units of a day's columns lie far apart
+    A = d * np.linalg.solve(own * d * d.swapaxes(2, 3), N[..., :m, m:] * d)
+    rest = N[..., m:-1, m:] - N[..., m:-1, :m] @ A
+    information, right = penalty + rest[..., :p].sum(axis=0), rest[..., p].sum(axis=0)
+    theta = np.tile(np.zeros(p) if fixed is None else fixed, (many, 1))
+    if fixed is None and p:
         scale = 1.0 / np.sqrt(np.maximum(np.einsum("fii->fi", information), 1e-300))
         scaled = information * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(p)
         theta = np.linalg.solve(scaled, (right * scale)[..., None])[..., 0] * scale
-    steps = [
-        np.concatenate(
-            [-(A[:, :, p] - (A[:, :, :p] @ theta[..., None])[..., 0]), -theta, np.ones((many, 1))], axis=1
-        )
-        for A in parts
-    ]
-    return steps, theta, information
+    x = np.ones((views, many, size))
+    x[..., m:-1] = -theta
+    x[..., :m] = (A[..., :p] @ theta[..., None])[..., 0] - A[..., p]
+    return x, theta, information
 
 
 def errors(covariance: Floats) -> Floats:

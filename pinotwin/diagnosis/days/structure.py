@@ -18,11 +18,9 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.patterns import Curve, patterns
 from pinotwin.diagnosis.data.comparison import Comparison, foretells
 from pinotwin.diagnosis.days.ground import Ground, Tables
-from pinotwin.diagnosis.days.lack import GROUP, Lack, judged, kin
+from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import chance, pushed, pushes_of
-from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import least_share
-from pinotwin.diagnosis.days.score import opened
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_slices
@@ -34,7 +32,7 @@ polished."""
 LEAST = 0.2  # Of what is left of its axis, squared, that a cause closes
 TRACE = 1.0 / 3.0
 """Of what a cause does, RMS: so much may be left of it because its form is not quite right."""
-BAR = 12.0  # Gain less price from which a cause is taken [nats]
+BAR = 14.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
 """By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
 [nats]: so the mean probability of 94 causes of known machines was the share of those that were right."""
@@ -99,7 +97,7 @@ class Finder:
         """
         group, found, joints, asked = self.groups[key], list[Lack](), set[int](), Counter[int]()
         if len(group) > KEPT:
-            rough = [g.explains(e) for e in group]
+            rough = g.explains(group)
             order = [int(k) for k in np.argsort(rough)[::-1] if rough[k] > 0.0]
             group = [group[k] for k in order] or group[:1]
         for e in group:
@@ -111,6 +109,8 @@ class Finder:
                 self.tables[e] = g.table(e)
             joints |= set((self.tables[e] or [{}])[0])
             one = judged(g, e, key[1], self.tables[e])
+            if one is not None and one.ground is not g:
+                joints |= set(g.parts)
             if one is not None and one.possible:
                 found.append(one)
         return joints or set(g.parts), found
@@ -132,8 +132,9 @@ class Finder:
 
 def _strongest(g: Ground, j: int, columns: Sequence[Floats]) -> tuple[float, float]:
     """Return what the strongest of some pushes on a joint is worth [nats], and what it closes; none, of none."""
-    one = pushes_of(g.fine(j), j, columns[:1])
-    return (0.0, 0.0) if one is None else (one.total, one.closes)
+    g = g.fine(j)
+    one = pushes_of(g, j, columns[:1])
+    return (0.0, 0.0) if one is None else (one.total, g.base[j].left[j] - one.fit.left[j])
 
 
 def polished(g: Ground, one: Lack) -> Lack:
@@ -175,18 +176,6 @@ class Turn:
     ranked: Sequence[Lack]
     rivals: Sequence[Lack]
     taken: Lack | None
-
-    def rows(self) -> list[Row]:
-        """Return the rows of evidence of what is worth a word, best first."""
-        return [x.row() for x in self.ranked if x.worth > SETTINGS.share]
-
-    def open(self) -> dict[str, float]:
-        """Return axis and equation -> squared residual over that of the noise [1]."""
-        g, out = self.ground, {}
-        for j, p in g.parts.items():
-            cells = p[0].cells(g.noise[j], np.zeros((len(p[0].left), 0)))
-            out[f"{g.c.machine.names[j]} plant"] = opened(cells, g.base[j].held[j])
-        return out
 
     def probabilities(self) -> list[tuple[Lack, float]]:
         """Return what is worth a word on the axis of what was taken, best first, each with its probability [1].
@@ -266,10 +255,10 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         if x.searched:  # pushes must close more than anything that comes with the motion
             others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
             gain = gain if x.share > rest * max(others, default=0.0) else 0.0
-        least = g.least(x.joint, least_share(GROUP.get(x.name, "form")))
+        least = g.least(x.joint, least_share("time" if x.searched else "form"))
         return gain > BAR and x.loud > least and x.worth > form and x.share > LEAST
 
-    new = [x for x in ranked if _several(x) or (x.name, x.axis) not in known]
+    new = [x for x in ranked if (x.name, x.axis) not in known or (x.effect and named(x.effect).several)]
     able = [x for x in new if stands(x)]
     able = [x for x in able if x.joint == able[0].joint]
     if able and isinstance(able[0].effect, Curve):
@@ -282,7 +271,7 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
 
     def closes(x: Lack) -> float:  # on all axes that the best acts on, squared, in units of their noise
         return sum(
-            (g.base[j].left[j] - x.fit.left[j]) / g.noise[j][0] ** 2
+            (x.ground.base[j].left[j] - x.fit.left[j]) / g.noise[j][0] ** 2
             for j in able[0].fit.left
             if j in x.fit.left
         )
@@ -293,11 +282,6 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         good = [x for x in good if able[0].total < rest * x.total]
     rivals = [x for x in new if not x.searched or x in able]
     return Turn(g, ranked, rivals, min([*able[:1], *good], key=plain, default=None))
-
-
-def _several(x: Lack) -> bool:
-    """Whether an axis may have more than one of an effect."""
-    return x.effect is not None and named(x.effect).several
 
 
 def beside(g: Ground, one: Lack) -> Ground:
@@ -330,7 +314,7 @@ def listed(one: Lack) -> bool:
     own = [where for e, where in pairs if (e.name, e.axis) == (one.name, one.axis) and e.shapes()]
     if not own:
         return False
-    before = g._columns(0, j)
+    before = g.columns(0, j)
     u = g.samples[0].effort[j]
 
     def left(X: Floats) -> float:

@@ -37,9 +37,8 @@ class Tracked:
 
 def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) -> Tracked:
     """Return the same; ``changed`` gives the twin with the causes, and the axes all of whose causes it holds."""
-    if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
-        return Tracked()
-    if not any(c.gate.asks("tracking", name) for name in c.machine.axes):
+    asked = [name for name in c.machine.axes if c.gate.asks("tracking", name)]
+    if not asked or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return Tracked()
     logs = list(c.validation) or list(c.logs)
     try:
@@ -54,10 +53,8 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
     except PinotwinError:
         later, after = None, before
     gaps, shrinks = {}, {}
-    for name, axis in c.machine.axes.items():
-        if not c.gate.asks("tracking", name):
-            continue
-        j = axis.index
+    for name in asked:
+        j = c.machine.axes[name].index
         x, y = (float(np.sqrt(np.mean([e[0][j] ** 2 for e in part]))) for part in (before, after))
         size = float(np.sqrt(np.mean([e[1][j] ** 2 for e in before])))
         if not np.isfinite(x) or size <= 0.0:

@@ -30,7 +30,6 @@ from pinotwin.twin import Twin
 BLOCK = 0.5
 """Length of data that counts as one stretch [s]; every other one is fitted without a validation log."""
 RESAMPLES = 400
-LEFT = "a vibration that no stiffness or damping of the joint brings about ({:.0%} of it)"
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,6 @@ class Vibrations:
     effects: list[Found]  # springs that have changed
     where: list[Region]  # regions in which the gaps lie
     shrinks: dict[str, Shrink]  # joint -> how far its gap shrinks with the spring that was found
-    stays: dict[int, float]  # column of a joint with a gap -> share of its power that stays
-    open: dict[int, str]  # column of a joint -> what stays of its gap, in words
 
 
 def look_at_vibration(
@@ -53,7 +50,7 @@ def look_at_vibration(
     rng: np.random.Generator,
 ) -> Vibrations:
     """Return the gap of every passive joint whose velocity the logs hold, and why it is there."""
-    out = Vibrations({}, [], [], {}, {}, {})
+    out = Vibrations({}, [], [], {})
     if not isinstance(subject, Twin) or not springs(subject):
         return out
     motions = [replace(one.motion, decimation=1) for one in logs]
@@ -162,10 +159,6 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
     out.gaps[spring.name] = Gap(rms(before), rms(before) / max(size, 1e-300), noise, rest)
     if not there:
         return
-    stays = (rest**2 - noise**2) / (rms(before) ** 2 - noise**2)
-    out.stays[spring.index] = float(np.clip(stays, 0.0, 1.0))
-    if rest**2 > least and stays > RULES.vibration_stays:
-        out.open[spring.index] = LEFT.format(stays)
     out.where.extend(_where(spring, runs, rng))
     if named:
         out.shrinks[spring.name] = shrink
