@@ -222,7 +222,7 @@ class Ground:
         """Fit a joint without any cause; what is no habit of a healthy axis leaves its day."""
         self.base[j] = self._alone(j)
         twin = self.parts[j][0].twin.shape[1]
-        while not (usual := np.abs(self.base[j].days[j][twin:]) <= USUAL.far).all():
+        if not (usual := np.abs(self.base[j].days[j][twin:]) <= USUAL.far).all():
             self.parts[j] = [replace(x, day=x.day * usual) for x in self.parts[j]]
             self.base[j] = self._alone(j)
 

@@ -83,8 +83,9 @@ class Lack:
 
     @property
     def own(self) -> float:
-        """The same on its own axis alone [nats]."""
-        return float(self.gains(self.joint).sum()) + self.seen(self.joint) + self.day - self.price
+        """The same on its own axis alone; of a change without the day, which takes up a part of any [nats]."""
+        day = 0.0 if self.ground.c.change else self.day
+        return float(self.gains(self.joint).sum()) + self.seen(self.joint) + day - self.price
 
     @property
     def share(self) -> float:

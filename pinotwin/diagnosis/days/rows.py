@@ -70,20 +70,16 @@ class Asked:
         place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
         if place is not None and place.form is not None and not possible(self.r, place, theta, error):
             return None
-        least = 0.0 if short == "payload" else least_share(group)
-        if (
-            not _can_be(short, theta, error)
-            or worth < least
-            or abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
-        ):
+        small = abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
+        small |= short != "payload" and worth < least_share(group)
+        if small or not _can_be(short, theta, error):
             return None
         by = {"day": with_it.cost - alone.cost}
         for (_, e), g in zip(keys, gains, strict=True):
             by[e] = by.get(e, 0.0) + float(g.sum())
         numbers = 0 if searched else 1 if short == "describe" else p
-        price = self.tried.price(axis, short) + SETTINGS.number * numbers
+        price = self.tried.price(axis, short) + SETTINGS.number * (numbers + (what == READ))
         price += np.log(max(len(self.r.axes) - 1, 1)) if short == "cross_friction" else 0.0
-        price += SETTINGS.number if what == READ else 0.0
         every = np.concatenate(gains)
         return Row(
             name=short,
@@ -208,6 +204,8 @@ class Asked:
 def _can_be(name: str, theta: Floats, error: Floats) -> bool:
     """Whether a machine can have a number after the change, within two standard errors."""
     low, high = POSSIBLE.get(name, (-np.inf, np.inf))
+    if name == "effort_scale" and abs(1.0 + theta[-1]) < 2.0 * error[-1]:
+        return False  # a factor that is not told from zero measures no effort
     return bool(len(theta) > 1 or low - 2.0 * error[-1] <= theta[-1] <= high)
 
 
