@@ -11,8 +11,15 @@ import pytest
 import pinotwin as pt
 from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
-from pinotwin.diagnosis.days.body import body_of, body_sizes, possible, undetermined
-from pinotwin.diagnosis.payload import found_body, loaded_twin, physical
+from pinotwin.diagnosis.payload import (
+    body_of,
+    body_sizes,
+    found_body,
+    loaded_twin,
+    physical,
+    possible,
+    undetermined,
+)
 from pinotwin.dynamics.parameters import pseudo_inertia
 from pinotwin.identification import identify
 from pinotwin.log import Log

@@ -20,8 +20,8 @@ from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.days.account import Account, alike
 from pinotwin.diagnosis.days.answer import diagnosed
-from pinotwin.diagnosis.days.body import undetermined
 from pinotwin.diagnosis.days.structure import Lacking, lacking
+from pinotwin.diagnosis.payload import undetermined
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders

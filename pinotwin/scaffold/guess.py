@@ -292,12 +292,15 @@ def _following(log: Log, columns: Sequence[str], follows: float = 0.02) -> Itera
     free = list(columns)
     while free:
         one, *others = free
-        pairs = ((other, log[one], log[other]) for other in others)  # each at its own lag
-        apart = {k: distance(x, y) * np.sqrt(1.0 - min(lead(x, y)[1], 1.0)) for k, x, y in pairs}
-        group = [one, *(other for other in others if apart[other] <= follows)]
+        group = [one, *(other for other in others if _apart(log[one], log[other]) <= follows)]
         free = [c for c in free if c not in group]
         if len(group) > 1:
             yield group
+
+
+def _apart(x: Floats, y: Floats) -> float:
+    """Return the distance of two columns at their own lag, as a share of the motion of the first."""
+    return distance(x, y) * float(np.sqrt(1.0 - min(lead(x, y)[1], 1.0)))
 
 
 def _command_first(log: Log, columns: Sequence[str], explained: float = 0.5) -> tuple[str, str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.noise import noise, repeats
+from pinotwin.diagnosis.data.noise import noises, repeats
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import by_days, scatter
 from pinotwin.diagnosis.result import Gap
@@ -65,7 +65,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
     row to row is known, which counts in any case. A twin adds what friction scatters from its runs to these.
     """
     motions = c.motions[: len(c.logs)]
-    out = {j: noise(c.new, j, motions, [m.u for m in motions]) for j in c.new.joints}
+    out = noises(c.new, motions, [m.u for m in motions])
     if c.change:
         out = {j: float(np.hypot(x, scatter(c, j, by_days(c, j)))) for j, x in out.items()}
     return out, "repeats" if repeats(motions) else "assumed"

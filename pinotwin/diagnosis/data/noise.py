@@ -23,19 +23,19 @@ def repeats(motions: Sequence[Motion]) -> list[tuple[int, int]]:
 def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> dict[int, float]:
     """Return joint -> RMS of the noise of what is left, (n, nv) [N or N·m]; of single runs none is known."""
     parts = np.split(residual, np.cumsum([len(m) for m in motions])[:-1])
-    return {j: noise(new, j, motions, parts) for j in new.joints} if repeats(motions) else {}
+    return noises(new, motions, parts) if repeats(motions) else {}
 
 
-def noise(new: Sample, joint: int, motions: Sequence[Motion], parts: Sequence[Floats]) -> float:
-    """Return the noise of a joint [N or N·m] by which repeats differ, each of whose channels are (m, nv).
+def noises(new: Sample, motions: Sequence[Motion], parts: Sequence[Floats]) -> dict[int, float]:
+    """Return joint -> RMS of the noise [N or N·m] by which repeats differ, of channels (m, nv) of every log.
 
     Noise locked to the position, as of an encoder's steps, is the same in both runs: what is rough counts in any case.
     """
-    pairs = repeats(motions)
-    each = [
-        difference(motions[a], motions[b], parts[a][:, joint], parts[b][:, joint], joint) for a, b in pairs
-    ]
-    return max([rough(new, joint), *([rms(np.array(each))] if each else [])])
+    pairs, out = repeats(motions), dict[int, float]()
+    for j in new.joints:
+        each = [difference(motions[a], motions[b], parts[a][:, j], parts[b][:, j], j) for a, b in pairs]
+        out[j] = max([rough(new, j), *([rms(np.array(each))] if each else [])])
+    return out
 
 
 def rough(new: Sample, joint: int) -> float:

@@ -14,12 +14,12 @@ from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.samples import ROW_RATE
-from pinotwin.diagnosis.days.body import body_of, body_sizes
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
 from pinotwin.diagnosis.days.score import errors
 from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
+from pinotwin.diagnosis.payload import body_of, body_sizes
 from pinotwin.diagnosis.result import Found, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
@@ -65,11 +65,7 @@ class Account:
         self.patterns = {x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern)}
         for own in found.listed:
             g = beside(g, _again(g, own) or own)
-        # Of a cause and its kin, of which it is the simplest that is as good.
-        taken = [
-            (x, y, [p for z, p in x.probabilities() if kin(z, y)]) for x in found.named if (y := x.taken)
-        ]
-        pairs = [(x, y, min(sum(p), 1.0)) for x, y, p in taken]
+        pairs = [(x, x.taken, _probability(x, x.taken)) for x in found.named if x.taken is not None]
         # Those that are sure first, the largest before others, and pushes beside what comes with the motion.
         pairs.sort(key=lambda x: (x[2] < SETTINGS.likely, x[1].effect is None, -x[1].worth))
         for turn, one, sure in pairs:
@@ -170,8 +166,14 @@ def _ratios(turn: Turn, one: Lack) -> list[Lack]:
     others = [
         x for x in turn.rivals if g not in (x.ground, one.ground) and x.joint != one.joint and x.total > BAR
     ]
-    again = [(x, judged(beside(g, one), x.effect, x.axis, x.tables)) for x in others]
+    rest = beside(g, one) if others else g
+    again = [(x, judged(rest, x.effect, x.axis, x.tables)) for x in others]
     return [x for x, y in again if y is None or abs(x.theta[0]) < 2.0 * y.fit.error[0]]
+
+
+def _probability(turn: Turn, one: Lack) -> float:
+    """Return the probability of a cause and of its kin, of which it is the simplest that is as good [1]."""
+    return min(sum(p for x, p in turn.probabilities() if kin(x, one)), 1.0)
 
 
 def _found(x: Told, levels: Mapping[int, float]) -> Found:

@@ -32,6 +32,7 @@ def coupled(g: Ground, j: int) -> tuple[Ground, Tables, float]:
     open_ = _spread(columns[0], turn, known, 0.01 * g.noise[j][0]) / wide
     pairs = zip(g.parts[j], columns, strict=True)
     out.parts[j] = [replace(p, twin=X @ open_, left=p.left - X @ off) for p, X in pairs]
+    out.base[j] = out.alone(j)
     out.settle(j)
     likelier = _density(g, every, list(g.parts)) - _density(g, off, others) - out.base[j].density
     theta = off + np.pad(g.c.twin.theta, (0, len(off) - len(g.c.twin.theta)))
@@ -55,5 +56,6 @@ def _density(g: Ground, off: Floats, joints: Sequence[int]) -> float:
     for k in joints:
         p = g.parts[k][0]
         out.parts[k] = [replace(p, twin=p.twin[:, :0], left=p.left - g.columns(0, k) @ off)]
+        out.base[k] = out.alone(k)
         out.settle(k)
     return sum(x.density for x in out.base.values())

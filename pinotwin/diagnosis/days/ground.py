@@ -214,19 +214,18 @@ class Ground:
             past = self.past  # as long as in the twin's own logs, whatever the rates
             rows = p.apart(left) if past is None else past.noise[j][1] * past.step / self.step
             self.noise[j] = float(sigma), max(rows, 1.0)
-            self.base[j] = self._alone(j)
+            self.base[j] = self.alone(j)
             left = self.left(j)
         self.settle(j)
 
     def settle(self, j: int) -> None:
-        """Fit a joint without any cause; what is no habit of a healthy axis leaves its day."""
-        self.base[j] = self._alone(j)
+        """Let what is no habit of a healthy axis leave the day of a joint, by its fit without any cause."""
         twin = self.parts[j][0].twin.shape[1]
         if not (usual := np.abs(self.base[j].days[j][twin:]) <= USUAL.far).all():
             self.parts[j] = [replace(x, day=x.day * usual) for x in self.parts[j]]
-            self.base[j] = self._alone(j)
+            self.base[j] = self.alone(j)
 
-    def _alone(self, j: int) -> Fit:
+    def alone(self, j: int) -> Fit:
         """Return the fit of a joint without any cause."""
         return self.fit([{j: np.zeros((len(self.parts[j][0].left), 0))}, {}])
 
@@ -246,7 +245,7 @@ class Ground:
 
     def _with_noise(self, noise: Mapping[int, tuple[float, float]]) -> Ground:
         out = replace(self, noise={**self.noise, **noise}, base=dict(self.base))
-        out.base |= {j: out._alone(j) for j in noise}
+        out.base |= {j: out.alone(j) for j in noise}
         return out
 
     @cached_property

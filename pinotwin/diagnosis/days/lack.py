@@ -10,7 +10,6 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named, same_cause
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.days.body import possible as body_can_be
 from pinotwin.diagnosis.days.coupled import coupled
 from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.ground import Fit, Ground, Tables
@@ -18,6 +17,7 @@ from pinotwin.diagnosis.days.mechanisms import group_of
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.rows import positive, spread
 from pinotwin.diagnosis.days.score import errors
+from pinotwin.diagnosis.payload import possible as body_can_be
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
@@ -155,9 +155,8 @@ class Lack:
             return body_can_be(self.theta, covariance, c.twin.model, removal=c.change)
         low, high = np.transpose([(x.lower, x.upper) for x in e.coefficients()])
         if e.family is TRANSMISSION and not c.change and self.theta[-1] > high[-1]:
-            carried, whole = (
-                self.inertias
-            )  # the twin's inertia was fitted without the spring: that is no bound
+            # The twin's inertia was fitted without the spring: that is no bound.
+            carried, whole = self.inertias
             high = np.r_[high[:-1], whole / max(carried, 1e-300)]
         if e.logged_effort and e.axis in c.gate.turned:
             factor = np.isfinite(low)  # that drive counts its effort the other way
