@@ -11,14 +11,13 @@ import pytest
 import pinotwin as pt
 from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.conclusion.sizes import body_sizes, undetermined
 from pinotwin.diagnosis.payload import (
     body_of,
-    body_sizes,
     found_body,
     loaded_twin,
     physical,
     possible,
-    undetermined,
 )
 from pinotwin.dynamics.parameters import pseudo_inertia
 from pinotwin.identification import identify

@@ -15,13 +15,13 @@ from pinotwin.diagnosis.conclusion.explained import at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
+from pinotwin.diagnosis.conclusion.sizes import undetermined
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.days.account import Account, alike
 from pinotwin.diagnosis.days.answer import diagnosed
 from pinotwin.diagnosis.days.structure import Lacking, lacking
-from pinotwin.diagnosis.payload import undetermined
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
@@ -196,15 +196,13 @@ def _concluded(
 
 def _untold(named: Sequence[Found]) -> list[str]:
     """Return what to do where these logs do not determine a payload's mass or centre."""
-    out = []
-    for e in named:
-        open_ones = undetermined(e.size) if e.effect == "payload" else []
-        if open_ones:
-            out.append(
-                f"these logs do not determine the {' and the '.join(open_ones)} of the payload on {e.axis}; turn "
-                "its link under gravity, or accelerate it along other axes"
-            )
-    return out
+    told = [(e.axis, undetermined(e.size)) for e in named if e.effect == "payload"]
+    return [
+        f"these logs do not determine the {' and the '.join(missing)} of the payload on {axis}; turn its link "
+        "under gravity, or accelerate it along other axes"
+        for axis, missing in told
+        if missing
+    ]
 
 
 def _where(c: Comparison, account: Account) -> list[Region]:

@@ -9,8 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.payload import Body
 from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Size
+from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
 from pinotwin.effects.position import PositionTable
 from pinotwin.system.phrases import CHANGED, NUMBERS
 from pinotwin.units import shown
@@ -176,3 +179,30 @@ def change_text(found: Found) -> str:
     form = CHANGED["times" if first.unit == "-" and first.before == 1.0 else "from"]
     name = f", {name_words(first)}" if len(sizes) > 1 else ""
     return f"{name} {form.format(before=was, after=now)}{rest}"
+
+
+def body_sizes(body: Body, pi: Floats, covariance: Floats) -> list[Size]:
+    """Return mass and centre of mass as rows of a result; what turns it where its mass is not determined."""
+    span = 1.645 * body.mass_error
+    rows = [Size("payload.mass", 0.0, body.mass, "kg", (body.mass - span, body.mass + span))]
+    for name, x, error in zip("xyz", body.centre, body.centre_error, strict=True):
+        if np.isfinite(x):
+            half = 1.645 * float(error)
+            rows.append(Size(f"payload.c{name}", np.nan, float(x), "m", (float(x) - half, float(x) + half)))
+    if np.isfinite(body.centre).any():
+        return rows
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    turned = []
+    for k in [k for k in range(1, 10) if abs(pi[k]) > 4.0 * errors[k]]:
+        x, half = float(pi[k]), 1.645 * float(errors[k])
+        turned.append(Size(f"payload.{BODY_NAMES[k]}", 0.0, x, BODY_UNITS[k], (x - half, x + half)))
+    return [*turned, *rows]
+
+
+def undetermined(sizes: Sequence[Size]) -> list[str]:
+    """Return what of a payload's mass and centre these logs do not tell."""
+    known = {s.name for s in sizes}
+    mass = next(s for s in sizes if s.name == "payload.mass")
+    out = ["mass"] if mass.interval[0] < 0.0 < mass.interval[1] else []
+    places = [x for x in "xyz" if f"payload.c{x}" not in known]
+    return [*out, *([f"centre of mass along {', '.join(places)}"] if places else [])]

@@ -13,13 +13,14 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.explained import Closed
+from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.data.samples import ROW_RATE
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
 from pinotwin.diagnosis.days.score import errors
 from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
-from pinotwin.diagnosis.payload import body_of, body_sizes
+from pinotwin.diagnosis.payload import body_of
 from pinotwin.diagnosis.result import Found, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
