@@ -7,7 +7,7 @@ import dataclasses
 
 from pinotwin.diagnosis.payload import found_body, loaded
 from pinotwin.diagnosis.result import Diagnosis, Found
-from pinotwin.effects import Effect, known
+from pinotwin.effects import known
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.machine.from_model import with_bodies
@@ -62,7 +62,7 @@ def _with(machine: Machine, found: Found) -> Machine:
     if found.effect == "saturation":
         limited = dataclasses.replace(axis, effort_limit=abs(float(found.shape["limit"])))
         return dataclasses.replace(machine, axes={**machine.axes, name: limited})
-    kind = _kind(found, machine)
+    kind = known(machine.effects).get(found.effect) if found.listed is None else type(found.listed)
     if kind is None or kind.unlisted:
         return machine
     if found.effect == "encoder_error" and "ql" in found.shrink:
@@ -78,8 +78,3 @@ def _with(machine: Machine, found: Found) -> Machine:
         return machine
     kept = [e for e in axis.effects if e.name not in effect.contains or e.several]
     return machine.with_effects(name, (*kept, effect))
-
-
-def _kind(found: Found, machine: Machine) -> type[Effect] | None:
-    """Return the class of the effect that a finding names; None for what is no effect."""
-    return known(machine.effects).get(found.effect) if found.listed is None else type(found.listed)

@@ -88,12 +88,7 @@ def grade(
 
 
 def is_open(
-    left: float,
-    noise: float | None,
-    misfit: float | None,
-    size: float | None,
-    *,
-    signal: str = "u",
+    left: float, noise: float | None, misfit: float | None, size: float | None, *, signal: str = "u"
 ) -> bool:
     """Whether more of a residual stays than a model leaves of a healthy axis; see :func:`stays`."""
     known = RULES.open_change if signal == "u" else RULES.open_tracking

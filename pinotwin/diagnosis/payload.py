@@ -12,13 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.parameters import (
-    BODY_NAMES,
-    body_count,
-    parameters,
-    pseudo_inertia,
-    with_parameters,
-)
+from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, pseudo_inertia, with_parameters
 from pinotwin.twin import Twin
 
 LEAST = 1e-3  # Mass that stays on a link from which more was taken off than the model has there [kg]

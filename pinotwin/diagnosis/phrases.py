@@ -115,6 +115,8 @@ def shop_range(region: Region) -> tuple[str, str, str]:
 def follows(name: str, what: str, since: Sequence[float]) -> str:
     """Return what a cause follows, in words; empty for what acts always. ``since``: instants or spells [s]."""
     long = f"{since[0]:.2g} s" if since else ""
+    if what == "told":
+        return "the gains of the controllers follow it"
     if what == "read":
         return "the controller did not ask for it: the effort may be misread"
     words = {

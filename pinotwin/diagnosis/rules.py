@@ -56,8 +56,6 @@ class Rules:
     """[squared standard errors] Least size of what lies between motor and load."""
     encoder_second: float = 0.1
     """[of the squared twist] Least that a further part closes on an axis that has one: less is its form."""
-    encoder_noise: float = 1.0
-    """[noise of one row] The same, RMS; of a change no less than what the own logs leave either."""
 
     open_change: float = 1.8
     """[misfit and noise together] What stays of a gap beyond this is open."""

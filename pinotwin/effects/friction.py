@@ -196,9 +196,7 @@ class Stribeck(Turning, AxisEffect):
         """Return fading speeds below which there are rows, and above which too."""
         (shape,) = self.shapes()
         speeds = [x for x in FADES * sight.top if shape.lower <= x <= shape.upper]
-        speeds = [x for x in speeds if sight.rows_slower(x) >= 30]
-        if not sight.both_ways:
-            return ()
+        speeds = [x for x in speeds if sight.both_ways and sight.rows_slower(x) >= 30]
         return tuple(replace(self, v_s=float(x), exponent=k) for x in speeds for k in (1.0, 2.0))
 
     def other_forms(self) -> tuple[Self, ...]:

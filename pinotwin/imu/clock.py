@@ -181,12 +181,7 @@ def _smoothed(t: Floats, x: Floats, smoothing: float) -> tuple[Floats, Floats, M
 
 
 def _fine(
-    t_ref: Floats,
-    r: Floats,
-    t_imu: Floats,
-    y: Floats,
-    placed: list[tuple[slice, float]],
-    s: SyncSettings,
+    t_ref: Floats, r: Floats, t_imu: Floats, y: Floats, placed: list[tuple[slice, float]], s: SyncSettings
 ) -> tuple[Floats, Floats, Floats]:
     """Return pivots, t_ref there and skew, and their covariance, by Gauss-Newton with linear gains."""
     grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)

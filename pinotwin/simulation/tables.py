@@ -205,9 +205,7 @@ def _bend(effect: Effect) -> tuple[float, float]:
 
 
 def _memories(
-    machine: Machine,
-    effects: Pairs,
-    found: dict[tuple[int, tuple[float, float]], Floats],
+    machine: Machine, effects: Pairs, found: dict[tuple[int, tuple[float, float]], Floats]
 ) -> Floats:
     """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""
     out = {(i, shape): np.array([1.0 / shape[0], 0.0, 0.0, 0.0]) for i, shape in found}

@@ -47,12 +47,17 @@ class Closed:
 RESAMPLES = 1000
 
 
+def drawn(*powers: Floats, seed: int = 0) -> Floats:
+    """Return sums of squared residuals by block, shape (K,) each, over blocks drawn with replacement, one row each."""
+    count = len(powers[0])
+    at = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+    return np.array([x[at].sum(axis=1) for x in powers])
+
+
 def share_interval(before: Floats, after: Floats, seed: int = 0) -> tuple[float, float]:
     """Return the 90 % interval of 1 - after/before over blocks drawn with replacement."""
-    rng = np.random.default_rng(seed)
-    at = rng.integers(len(before), size=(RESAMPLES, len(before)))
-    shares = 1.0 - after[at].sum(axis=1) / np.maximum(before[at].sum(axis=1), 1e-300)
-    low, high = np.quantile(shares, [0.05, 0.95])
+    before, after = drawn(before, after, seed=seed)
+    low, high = np.quantile(1.0 - after / np.maximum(before, 1e-300), [0.05, 0.95])
     return float(low), float(high)
 
 

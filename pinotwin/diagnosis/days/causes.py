@@ -185,7 +185,7 @@ def _body(row: Row) -> list[Size]:
     """Return the numbers of a body that are known to half of themselves: mass, first moments, inertia."""
     names = [*zip(BODY_NAMES[:4], BODY_UNITS[:4], strict=True), ("I", "kg·m²")]
     out = []
-    for (name, unit), x, error in zip(names, row.numbers, row.errors, strict=True):
+    for (name, unit), x, error in zip(names, row.numbers[:5], row.errors[:5], strict=True):
         if abs(x) > 2.0 * error:
             half = 1.645 * error
             out.append(Size(f"payload.{name}", 0.0, float(x), unit, (float(x - half), float(x + half))))

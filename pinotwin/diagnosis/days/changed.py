@@ -32,9 +32,12 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
     if row.group == "law":
         return _turned(twin, axis, row.theta * laws[axis].numbers()[row.name])
     if row.name == "payload":
-        m, x, y, z, inertia = row.numbers
+        m, x, y, z, inertia = row.numbers[:5]
         body = np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
-        return loaded_twin(twin, axis, physical(body))
+        twin = loaded_twin(twin, axis, physical(body))
+        for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told
+            twin = _turned(twin, name, gain * laws[name].numbers()["loop_gain"]) or twin
+        return twin
     parts = {"friction_scale": ("dry", "viscous"), "coulomb": ("dry",), "viscous": ("viscous",)}.get(row.name)
     if parts is None:
         return None

@@ -39,8 +39,8 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
         drift = (s.t - s.t.mean()) * 1e-4
         out["law"] = np.column_stack([c["one"] * 1e3 * w["effort"], drift * w["effort"], *own])
     if name in r.twists and "gap" in c:
-        soft = r.twist(name, c) * 0.05
-        out["encoders"] = np.column_stack([c["one"], (c["q"] - c["q"].mean()) * 1e-5, soft])
+        place, give = c["q"] - c["q"].mean(), r.twist(name, c)
+        out["encoders"] = np.column_stack([c["one"], place * w["scale"], give * w["give"]])
     parts = {"plant": [c["dry"], c["viscous"], c["rest"]]}
     if "law" in out:
         parts["law"] = [c[k] * gain for k, gain in zip(TERMS, r.laws[name].gains, strict=True)]

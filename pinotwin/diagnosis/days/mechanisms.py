@@ -18,8 +18,8 @@ from pinotwin.effects.tree import Tree
 from pinotwin.signals import rms
 
 Acts = dict[str, Floats]
-READ = "read"
-"""Mark of a cause that is in the reading of the effort alone."""
+READ, TOLD = "read", "told"
+"""Marks of a cause that is in the reading of the effort alone, and of a body that the controllers are told of."""
 FORMS = (
     "delay",
     "stribeck",
@@ -179,14 +179,16 @@ def _effort_scaled(
 
 
 def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:
-    twist = r.twist(name, c)
+    twist, place = r.twist(name, c), (c["q"] - c["q"].mean()) * 1e-4
+    # Where the bearing is that a screw grows away from is not known: its load drifts as it grows.
+    grows = np.column_stack([ramp * np.std(place), place * ramp])
     return {
         "lost_motion": {"encoders": PLAY * c["memory"]},
         "lost_motion_by_load": {"encoders": PLAY * np.tanh(-twist / (0.1 * np.std(twist)))},
         "lost_motion_by_inertia": {"encoders": PLAY * np.tanh(c["a"] / (0.1 * np.std(c["a"])))},
         "compliance": {"encoders": twist},
-        "encoder_scale": {"encoders": (c["q"] - c["q"].mean()) * 1e-4},
-        "encoder_grows": {"encoders": (c["q"] - c["q"].mean()) * ramp * 1e-4},
+        "encoder_scale": {"encoders": place},
+        "encoder_grows": {"encoders": grows},
     }
 
 

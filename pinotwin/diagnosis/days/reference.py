@@ -32,10 +32,10 @@ class Reference:
         top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
         logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
-        twists: axis -> what effort, acceleration and jerk do between its two encoders, shape (3,), SI.
+        twists: axis -> what effort, acceleration, jerk, position and direction do between its two encoders, (5,), SI.
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
-        tables: axis -> place and misfit that healthy logs share there.
+        tables: axis, equation -> place and misfit that healthy logs share there.
     """
 
     twin: Twin
@@ -47,7 +47,7 @@ class Reference:
     whitenings: Mapping[tuple[str, str], Whitening] = field(default_factory=dict)
     widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     law_widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    tables: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    tables: Mapping[tuple[str, str], tuple[Floats, Floats]] = field(default_factory=dict)
     days: int = SEVERAL
 
     def without_laws(self) -> Reference:
@@ -57,22 +57,25 @@ class Reference:
 
     def twist(self, name: str, c: Columns) -> Floats:
         """Return how far the spring between two encoders gives, (n,) [m or rad]; the rotor keeps some effort."""
-        return _between(c) @ (self.twists[name] * [1.0, 1.0, 0.0])
+        return _between(c)[:, :2] @ self.twists[name][:2]
 
     def residuals(self, s: Stretch, only: Collection[str] | None = None) -> dict[tuple[str, str], Floats]:
         """Return what each equation of every axis leaves of a stretch, shape (n,) each."""
         out = {}
         for name in self.axes if only is None else only:
             c = s.axes[name]
-            place, shared = self.tables.get(name, (np.zeros(1), np.zeros(1)))
-            out[name, "plant"] = (c["left"] - np.interp(c["q"], place, shared)) * c["moving"]
+            out[name, "plant"] = (c["left"] - self._shared(name, "plant", c)) * c["moving"]
             if name in self.laws and "e" in c:
                 r = c["u"] - self.laws[name].effort(c)
                 out[name, "law"] = r - np.median(r)
             if name in self.twists and "gap" in c:
-                r = c["gap"] - _between(c) @ self.twists[name]
+                r = c["gap"] - _between(c) @ self.twists[name] - self._shared(name, "encoders", c)
                 out[name, "encoders"] = r - np.median(r)
         return out
+
+    def _shared(self, name: str, equation: str, c: Columns) -> Floats:
+        """Return the misfit that healthy logs share at each row's place, shape (n,)."""
+        return np.interp(c["q"], *self.tables.get((name, equation), (np.zeros(1), np.zeros(1))))
 
     def left(self, logs: Sequence[Stretch], name: str, equation: str) -> list[Floats]:
         """Return what one equation of an axis leaves of every stretch, shape (n,) each."""
@@ -112,8 +115,8 @@ def moved(columns: Sequence[Columns]) -> list[Columns]:
 
 
 def _between(c: Columns) -> Floats:
-    """Return what moves two encoders against each other, shape (n, 3): half of the dry friction acts on the motor."""
-    return np.column_stack([c["u"] - 0.5 * c["dry"], c["a"], c["j"]])
+    """Return what moves two encoders against each other, shape (n, 5): half of the dry friction acts on the motor."""
+    return np.column_stack([c["u"] - 0.5 * c["dry"], c["a"], c["j"], c["q"], c["memory"]])
 
 
 def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
@@ -129,22 +132,20 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
             X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
             scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
             y = np.concatenate([c["gap"] for c in columns])
-            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:3]
+            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:5]
     return replace(bare, laws=laws, twists=twists)
 
 
 def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
     """Return the reference with what its equations leave of days that they do not know."""
-    days = r.days if r.days >= SEVERAL else 0
-    whitenings, widths, law_widths, tables, laws = {}, {}, {}, {}, dict(r.laws)
+    whitenings, widths, law_widths, laws = {}, {}, {}, dict(r.laws)
+    tables = dict[tuple[str, str], tuple[Floats, Floats]]()
     for name in r.axes:
         columns = [s.axes[name] for s, _ in unseen]
         left = [x[name, "plant"] for _, x in unseen]
-        widths[name], left = _day(columns, left, days)
-        tables[name] = shared_shape(columns, left)
-        place, shared = tables[name]
-        common = [np.interp(c["q"], place, shared) * c["moving"] for c in columns]
-        left = [x - y for x, y in zip(left, common, strict=True)]
+        widths[name], left = _day(r, columns, left)
+        table = tables[name, "plant"] = shared_shape(columns, left)
+        left = [x - np.interp(c["q"], *table) * c["moving"] for c, x in zip(columns, left, strict=True)]
         w = Whitening.measured(left, [c["moving"] for c in columns])
         rows = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
         left_over = max(rows - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
@@ -152,6 +153,11 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
         for equation in EQUATIONS[1:]:
             if (name, equation) in unseen[0][1]:
                 rest = [x[name, equation] for _, x in unseen]
+                if equation == "encoders":
+                    more, rest = _between_days(r, name, columns, rest)
+                    widths[name] |= more
+                    table = tables[name, equation] = shared_shape(columns, rest)
+                    rest = [x - np.interp(c["q"], *table) for c, x in zip(columns, rest, strict=True)]
                 whitenings[name, equation] = Whitening.measured(rest, [c["one"] for c in columns])
         if name in laws:
             effort = float(np.std(np.concatenate([c["u"] for c in columns])))
@@ -163,37 +169,48 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
 
 
 def _day(
-    columns: Sequence[Columns], left: Sequence[Floats], days: int
+    r: Reference, columns: Sequence[Columns], left: Sequence[Floats]
 ) -> tuple[dict[str, float], list[Floats]]:
     """Return how far friction, offset, inertia and snap are off on days left out, and what those do not take up."""
     size = rms(np.concatenate([c["u"] for c in columns]))
+    each = [
+        np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) * c["moving"][:, None]
+        for c in columns
+    ]
+    (dry, viscous, offset, inertia, snap), rest = _taken_off(each, left)
+    seen = {"dry": dry, "viscous": viscous, "friction": 0.5 * (dry + viscous), "offset": offset}
+    own = {"inertia": float(np.sqrt(inertia)), "snap": float(np.sqrt(snap)), "effort": size}
+    return {**SETTINGS.widths, **_mixed(r, seen), **own}, rest
+
+
+def _between_days(
+    r: Reference, name: str, columns: Sequence[Columns], left: Sequence[Floats]
+) -> tuple[dict[str, float], list[Floats]]:
+    """Return how far scale and give between two encoders are off on days left out, and what those do not take up."""
+    each = [np.column_stack([c["one"], c["q"] - c["q"].mean(), r.twist(name, c)]) for c in columns]
+    (_, scale, give), rest = _taken_off(each, left)
+    return _mixed(r, {"scale": scale, "give": give}), rest
+
+
+def _taken_off(columns: Sequence[Floats], left: Sequence[Floats]) -> tuple[Floats, list[Floats]]:
+    """Return the mean squares of what each log needs of columns (n, p), shape (p,), and what they leave."""
     numbers, rest = [], []
-    for c, y in zip(columns, left, strict=True):
-        X = np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) * c["moving"][:, None]
+    for X, y in zip(columns, left, strict=True):
         scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
         A = X / scale
-        b = np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ y) / scale
-        numbers.append(b)
-        rest.append(y - X @ b)
-    dry, viscous, offset, inertia, snap = np.mean(np.square(numbers), axis=0)
-    prior, count, n = SETTINGS.widths, SETTINGS.prior_days, days
+        numbers.append(np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ y) / scale)
+        rest.append(y - X @ numbers[-1])
+    return np.asarray(np.mean(np.square(numbers), axis=0)), rest
 
-    def mixed(seen: float, name: str) -> float:
-        p = prior[name]
-        return float(np.sqrt((n * min(seen, (3.0 * p) ** 2) + count * p**2) / (n + count)))
 
-    found = {
-        "dry": mixed(dry, "dry"),
-        "viscous": mixed(viscous, "viscous"),
-        "friction": mixed(0.5 * (dry + viscous), "friction"),
-        "offset": mixed(offset, "offset"),
-        "warm": prior["warm"],
-        "late": prior["late"],
-        "inertia": float(np.sqrt(inertia)),
-        "snap": float(np.sqrt(snap)),
-        "effort": size,
-    }
-    return found, rest
+def _mixed(r: Reference, seen: Mapping[str, float]) -> dict[str, float]:
+    """Return widths from the mean squares that several days show, and the prior, which counts for some days itself."""
+    days, count = r.days if r.days >= SEVERAL else 0, SETTINGS.prior_days
+
+    def width(x: float, prior: float) -> float:
+        return float(np.sqrt((days * min(x, (3.0 * prior) ** 2) + count * prior**2) / (days + count)))
+
+    return {k: width(x, SETTINGS.widths[k]) for k, x in seen.items()}
 
 
 def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.forms import possible
 from pinotwin.diagnosis.days.healthy import Shapes
-from pinotwin.diagnosis.days.mechanisms import GROWS, POSSIBLE, READ, Acts, group_of
+from pinotwin.diagnosis.days.mechanisms import POSSIBLE, READ, Acts, group_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
@@ -142,9 +142,7 @@ class Asked:
     def _unseen(self, cause: str, axes: Sequence[str]) -> dict[str, list[Acts]] | None:
         """Return the columns of a cause in the validation logs; None where they hang on the logs in question."""
         told = [self.tried.unseen.get(a, []) for a in axes]
-        if cause.partition(":")[0] in GROWS or not all(
-            each and all(cause in x for x in each) for each in told
-        ):
+        if not all(each and all(cause in x for x in each) for each in told):
             return None
         return {a: [x[cause] for x in each] for a, each in zip(axes, told, strict=True)}
 
@@ -222,8 +220,9 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
     out: dict[tuple[str, str], float] = {}
     for f in found:
         for axis, each in f.acts.items():
+            size = 0.0
             for equation in each[0]:
-                size = abs(f.theta)
+                size = abs(f.theta) if f.group != "body" else size
                 if equation == "plant":
                     y = np.concatenate([combined(x[equation], f.numbers) for x in each])
                     u = np.concatenate([s.axes[axis]["u"] for s in q.logs])

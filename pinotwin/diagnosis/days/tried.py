@@ -12,7 +12,9 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import again, forms
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import (
+    GROWS,
     READ,
+    TOLD,
     Acts,
     after_starts,
     bodies,
@@ -73,6 +75,7 @@ class Tried:
                 _put(each, cause, [{"plant": x} for x in place.columns])
             if (name, "law") in q.left[0]:
                 each = [x | _misread(x) for x in each]
+            each = [x | _told(x, name, list(r.laws)) for x in each]
             for k, s in enumerate(q.logs if not self.found else ()):
                 told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
                 each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
@@ -87,6 +90,7 @@ class Tried:
         body, turns = [bodies(self.r, s) for s in logs], [zeros(self.r, s) for s in logs]
         if body[0]:
             out["payload"], self.wide["payload"] = body, ALL
+            self.wide |= {f"payload:{TOLD}": ALL} if self.r.laws else {}
         for name in [k for k in turns[0] if all(k in x for x in turns)]:
             out[f"zero:{name}"] = [x[name] for x in turns]
             found = since(logs, [x[name][name] for x in turns], left, (name, "plant"))
@@ -112,7 +116,9 @@ class Tried:
                 acts |= {"payload": {"plant": body[k][name]}} if body[k] else {}
                 acts |= {f"zero:{j}": {"plant": x[name]} for j, x in turns[k].items()}
                 acts |= self._known(s, name)
-                each.append(acts | _misread(acts) if (name, "law") in left else acts)
+                acts |= _misread(acts) if (name, "law") in left else {}
+                acts |= _told(acts, name, list(r.laws))
+                each.append({k: x for k, x in acts.items() if k not in GROWS})
             out[name] = _shared(each)
         return out
 
@@ -134,6 +140,18 @@ def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
     """Return causes whose effort is in the reading alone: the law of the controller, which did not ask, has it too."""
     plain = {k: x["plant"] for k, x in acts.items() if set(x) == {"plant"} and ":" not in k}
     return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items() if group_of(k) in MISREAD}
+
+
+def _told(acts: dict[str, Acts], name: str, laws: Sequence[str]) -> dict[str, Acts]:
+    """Return a body whose controllers are told of it: the gains of each follow by a number of its own."""
+    if "payload" not in acts or not laws:
+        return {}
+    body = acts["payload"]["plant"]
+    out = {"plant": np.column_stack([body, np.zeros((len(body), len(laws)))])}
+    if "loop_gain" in acts:
+        out["law"] = np.zeros_like(out["plant"])
+        out["law"][:, body.shape[1] + laws.index(name)] = acts["loop_gain"]["law"]
+    return {f"payload:{TOLD}": out}
 
 
 def _put(each: Columns, cause: str, acts: Sequence[Acts]) -> None:

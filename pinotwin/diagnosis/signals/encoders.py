@@ -12,14 +12,13 @@ of one clock, is within a few samples. Nothing is inferred from the effort alone
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.diagnosis.conclusion.explained import share_interval
+from pinotwin.diagnosis.conclusion.explained import drawn
 from pinotwin.diagnosis.conclusion.where import concentrated, regimes
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
@@ -35,7 +34,6 @@ LATEST = 3.0  # Samples between two encoders on one clock, at most: what comes l
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
 SHARED = 0.5  # Of the stroke: what the twin's own logs must have visited for its table to be compared
-TRIALS = 10  # On stretches drawn at random, by which a part is confirmed
 KNOTS = 13  # Places along the stroke at which its error is stated
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 """Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
@@ -103,16 +101,6 @@ class _Twist:
         rest = [self.parts[n] for n in names if n != "spring"]
         found = by_blocks(np.hstack([self.d[:, None], others, *rest]), u, self.blocks)
         return float(found.theta[0]), 1.645 * float(found.error[0])
-
-    def drawn(self, y: Floats, rng: np.random.Generator) -> tuple[_Twist, Floats]:
-        """Return the twist on two thirds of its stretches, drawn at random, and ``y`` (n,) there."""
-        few = np.sort(rng.permutation(len(self.blocks))[: max(4, round(len(self.blocks) / 1.5))])
-        kept = [self.blocks[k] for k in few]
-        at = np.r_[*kept]
-        ends = np.cumsum([0, *(b.stop - b.start for b in kept)])
-        blocks = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        parts = {name: x[at] for name, x in self.parts.items()}
-        return replace(self, d=self.d[at], parts=parts, blocks=blocks, rows=self.rows[at]), y[at]
 
     def at(self, names: Sequence[str], name: str) -> int:
         """Return the first column of a part among those of several."""
@@ -245,17 +233,14 @@ def with_encoders(
 ) -> list[Found]:
     """Return the named effects with what the second encoders measure of them, and what they add."""
     out = list(named)
-    for seen in measured.values():
-        for e in seen.effects:
-            if e.effect in leave_out:
-                continue
-            alike = FLEXIBLE if e.effect in FLEXIBLE else (e.effect,)
-            at = next((k for k, x in enumerate(out) if x.axis == e.axis and x.effect in alike), None)
-            if at is None:
-                out.append(e)
-            else:
-                both = {**out[at].shrink, **e.shrink}
-                out[at] = replace(out[at], size=[*e.size, *out[at].size], shrink=both)
+    for e in [x for seen in measured.values() for x in seen.effects if x.effect not in leave_out]:
+        alike = FLEXIBLE if e.effect in FLEXIBLE else (e.effect,)
+        at = next((k for k, x in enumerate(out) if x.axis == e.axis and x.effect in alike), None)
+        if at is None:
+            out.append(e)
+        else:
+            both = {**out[at].shrink, **e.shrink}
+            out[at] = replace(out[at], size=[*e.size, *out[at].size], shrink=both)
     return out
 
 
@@ -265,18 +250,17 @@ def _seen(
     known = None if own is None else own.fit(new.every)
     y = new.d if known is None else new.d - new.table(new.every) @ known.theta
     chosen, steps = _chosen(new, known, y)
-    sure = _confidences(new, known, y, steps, rng)
     now, there = (*_standing(known), *chosen), _by_part(new, known)
     before, after = new.fit(_standing(known), y, there), new.fit(now, y, there)
     misfit = float("nan") if known is None else known.left
     mass = c.new.motion.mass
     inertia = float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))  # [kg or kg·m²]
     effects = []
-    for part, shrink in steps.items():
+    for part, (shrink, sure) in steps.items():
         names = new.every if known is not None else now[: now.index(part) + 1]
         fit = new.fit(names) if known is None else _changed(new, known, after, now)
         told = _Told(name, c.machine.rotary[joint], new, known, fit, names, "table" in chosen)
-        effects.append(told.named(part, shrink, inertia, sure[part]))
+        effects.append(told.named(part, shrink, inertia, sure))
     gap = Gap(
         before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
     )
@@ -290,8 +274,8 @@ def _by_part(new: _Twist, known: Blocked | None) -> dict[str, Floats] | None:
     """Return part -> its coefficients on the twin's own logs."""
     if known is None:
         return None
-    starts = {name: new.at(new.every, name) for name in new.every}
-    return {name: known.theta[k : k + new.parts[name].shape[1]] for name, k in starts.items()}
+    ends = np.cumsum([new.parts[name].shape[1] for name in new.every])
+    return dict(zip(new.every, np.split(known.theta, ends[:-1]), strict=True))
 
 
 def _changed(new: _Twist, known: Blocked, change: Blocked, names: Sequence[str]) -> Blocked:
@@ -306,13 +290,15 @@ def _changed(new: _Twist, known: Blocked, change: Blocked, names: Sequence[str])
     return replace(change, theta=theta, folds=folds)
 
 
-def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], dict[str, Shrink]]:
-    """Return the parts that the twist has, most telling first, and what those that can be real close of it."""
-    least = max(RULES.encoder_noise * new.noise, 0.0 if known is None else known.left)
+def _chosen(
+    new: _Twist, known: Blocked | None, y: Floats
+) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
+    """Return the parts that the twist has, most telling first; what those that can be real close, and how surely."""
+    least = max(new.noise, 0.0 if known is None else known.left)
     always, there = _standing(known), _by_part(new, known)
     first = new.fit(always, y, there).left
     chosen: list[str] = []
-    steps: dict[str, Shrink] = {}
+    steps: dict[str, tuple[Shrink, float]] = {}
     parts = [p for p in PARTS if p in new.parts]
     while not set(parts) <= set(chosen):
         now = new.fit([*always, *chosen], y, there)
@@ -323,28 +309,18 @@ def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], d
             best = min((p for p in trials if trials[p].left ** 2 < more), key=lambda p: new.parts[p].shape[1])
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
-        low, high = share_interval(now.powers, fit.powers)
+        before, after = drawn(now.powers, fit.powers)
+        each = 1.0 - after / np.maximum(before, 1e-300)
+        low, high = np.quantile(each, [0.05, 0.95]).tolist()
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
         trace = known is not None and bool(chosen) and closed**2 < RULES.encoder_second * first**2
         if share < RULES.encoder_share or low <= 0.0 or closed < least or trace:
             break
         chosen = _with([*always, *chosen], best)[len(always) :]
         if _sure(best, new, known, fit, [*always, *chosen]) > np.sqrt(RULES.encoder_strength):
-            steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
+            told = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
+            steps[best] = told, posterior(int(np.sum(each > RULES.encoder_share)), len(each))
     return chosen, steps
-
-
-def _confidences(
-    new: _Twist, known: Blocked | None, y: Floats, found: Collection[str], rng: np.random.Generator
-) -> dict[str, float]:
-    """Return how sure each part is: how often it is found again on stretches drawn at random."""
-    wins = dict.fromkeys(found, 0)
-    for _ in range(TRIALS if found else 0):
-        part, rest = new.drawn(y, rng)
-        for name in _chosen(part, known, rest)[1]:
-            if name in wins:
-                wins[name] += 1
-    return {name: posterior(count, TRIALS) for name, count in wins.items()}
 
 
 def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Sequence[str]) -> float:

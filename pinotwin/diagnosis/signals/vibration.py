@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from pinotwin.analysis.deflection import Load, PassiveSpring, is_measured, load_on, springs
 from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.conclusion.explained import drawn
 from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
@@ -29,7 +30,6 @@ from pinotwin.twin import Twin
 
 BLOCK = 0.5
 """Length of data that counts as one stretch [s]; every other one is fitted without a validation log."""
-RESAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,8 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
     before, after = (np.concatenate(runs.left(x, fitted=False)) for x in (spring, found))
     x, y = (np.concatenate(runs.left(k, fitted=True)) for k in (spring, found))
     size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
-    shrink, sure = _shrink((before, after), _share(x, y, noise), noise, runs, rng)
+    promised = float(_share(rms(x) ** 2, rms(y) ** 2, noise**2))
+    shrink, sure = _shrink((before, after), promised, noise, runs)
     least = max((1.0 + RULES.vibration_gap) * noise**2, noise**2 + (RULES.vibration_form * size) ** 2)
     there = rms(before) ** 2 > least
     named = (
@@ -185,30 +186,28 @@ def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves
     found = shaped(best.x)
     old, new = (spring.stiffness, spring.damping), (found.stiffness, found.damping)
     rows = zip("kc", old, new, best.x / error, strict=True)
-    return found, {f"{spring.name}.spring.{name}": (a, b, float(far)) for name, a, b, far in rows}
+    return found, {f"{spring.name}.spring.{k}": (a, b, float(far)) for k, a, b, far in rows}
 
 
-def _share(before: Floats, after: Floats, noise: float) -> float:
-    x, y, n = rms(before) ** 2, rms(after) ** 2, noise**2
-    return float(np.clip((x - y) / max(x - n, 0.02 * x + 1e-300), -1.0, 1.0))
+def _share(before: float | Floats, after: float | Floats, noise: float) -> Floats:
+    """Return the share of mean squares that goes of what is above the noise's [1]."""
+    return np.clip((before - after) / np.maximum(before - noise, 0.02 * before + 1e-300), -1.0, 1.0)
 
 
 def _shrink(
-    unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split, rng: np.random.Generator
+    unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split
 ) -> tuple[Shrink, float]:
     """Return how far other springs shrink the gap on unseen rows, with the share of resampled blocks that name it."""
     blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
-    parts = [np.array_split(x, blocks) for x in unseen]
-    share = []
-    for _ in range(RESAMPLES):
-        pick = rng.integers(0, blocks, blocks)
-        x, y = (np.concatenate([p[k] for k in pick]) for p in parts)
-        share.append(_share(x, y, noise))
-    interval = float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))
+    powers = [np.array([x @ x for x in np.array_split(y, blocks)]) / len(y) for y in unseen]
+    drawn_before, drawn_after = drawn(*powers)
+    each = _share(drawn_before, drawn_after, noise**2)
+    low, high = np.quantile(each, [0.05, 0.95]).tolist()
     on = "validation" if any(runs.sealed) else "held-out blocks"
-    before, after = unseen
-    sure = posterior(int(np.sum(np.array(share) > RULES.vibration_share)), RESAMPLES)
-    return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on), sure
+    before, after = map(rms, unseen)
+    share = float(_share(before**2, after**2, noise**2))
+    sure = posterior(int(np.sum(each > RULES.vibration_share)), len(each))
+    return Shrink(before, after, share, (low, high), promised, on), sure
 
 
 def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> list[Region]:

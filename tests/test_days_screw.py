@@ -1,0 +1,62 @@
+"""Motor and load of a ball screw over days: what its lead is off by every day is no change; what grows is found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.log import Log
+from tests.days_machine import RATE, Day, machine, run
+
+STIFFNESS, FRICTION = 4e7, 25.0  # [N/m], [N]
+LEAD, BOW, PLAY = 60e-6, 8e-6, 6e-6  # of every day: scale [1], curve along the stroke and lost motion [m]
+
+
+def _day(command: int, noise: int, scale: float = 0.0, grows: float = 0.0, play: float = 0.0) -> Log:
+    """Return a day's log with a scale on the load; what grows is 1 - exp(-t / 6 s), from a bearing at -0.4 m."""
+    log, rng = run(Day(command=command, noise=noise)), np.random.default_rng(noise)
+    q, t = log["X.q"], log["t"]
+    v = np.gradient(q, 1.0 / RATE)
+    side = np.sign(v[np.maximum.accumulate(np.where(np.abs(v) > 1e-3, np.arange(len(v)), 0))])
+    twist = (log["X.u"] - 0.5 * FRICTION * np.tanh(v / 1e-3)) / STIFFNESS + 0.5 * (PLAY + play) * side
+    off = (LEAD + scale + 4e-6 * rng.standard_normal()) * q + BOW * (1.0 - (q / 0.25) ** 2)
+    off += grows * (1.0 - np.exp(-t / 6.0)) * (q + 0.4) + 1e-6 * rng.standard_normal()
+    load = q - twist + off + 2e-7 * rng.standard_normal(len(q))
+    return Log({**log, "X.ql": load}, source=f"day {command} {noise}")
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> pt.Twin:
+    folder = tmp_path_factory.mktemp("screw")
+    machine(folder)
+    return pt.identify(pt.Machine.load(folder), [_day(10 + k, 20 + k) for k in range(4)])
+
+
+def _asked(twin: pt.Twin, **change: float) -> pt.Diagnosis:
+    return pt.diagnose(twin, [_day(30, 40 + k, **change) for k in range(2)])
+
+
+def test_a_lead_that_is_off_every_day_is_no_change(twin: pt.Twin) -> None:
+    found = _asked(twin)
+    assert (found.verdict, list(found.effects)) == ("none", [])
+
+
+def test_a_scale_is_told_beside_that_of_healthy_days(twin: pt.Twin) -> None:
+    found = _asked(twin, scale=-80e-6)
+    assert [(e.effect, e.axis) for e in found.effects] == [("encoder_scale", "X")]
+    assert found.effects[0].theta["error"] == pytest.approx(-80e-6, abs=15e-6)
+
+
+def test_lost_motion_is_told_beside_that_of_healthy_days(twin: pt.Twin) -> None:
+    found = _asked(twin, play=30e-6)
+    assert [(e.effect, e.axis) for e in found.effects] == [("backlash", "X")]
+    assert found.effects[0].theta["gap"] == pytest.approx(30e-6, rel=0.2)
+
+
+@pytest.mark.parametrize("grows", [-120e-6, 80e-6])
+def test_a_screw_that_grows_is_told_wherever_its_bearing_is(twin: pt.Twin, grows: float) -> None:
+    found = _asked(twin, grows=grows)
+    assert (found.effects[0].effect, found.effects[0].axis) == ("encoder_scale", "X")
+    assert np.sign(found.effects[0].theta["error"]) == np.sign(grows)
+    assert "grows" in found.sentence
