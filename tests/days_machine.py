@@ -42,6 +42,7 @@ class Day:
     limit: dict[str, tuple[float, float, float]] = field(
         default_factory=dict
     )  # axis -> limit, its loss over speed, since
+    load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
     began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 
@@ -67,7 +68,10 @@ def run(day: Day) -> dict[str, np.ndarray]:
     today = [float(1.0 + 0.03 * rng.standard_normal()) * day.friction.get(k, 1.0) for k in "XA"]
     dry, viscous = (25.0, 1.2), (60.0, 0.9)
     kp = [40.0 * day.kp.get("X", 1.0), 45.0 * day.kp.get("A", 1.0)]
-    kv, ki, give = (1800.0, 22.0), (70000.0, 900.0), [day.motor.get(k, 1.0) for k in "XA"]
+    arm, turned = ARM + day.load, INERTIA + day.load * REACH**2
+    told = (CARRIAGE + arm) / (CARRIAGE + ARM), turned / INERTIA
+    kv, ki = (1800.0 * told[0], 22.0 * told[1]), (70000.0 * told[0], 900.0 * told[1])
+    give = [day.motor.get(k, 1.0) for k in "XA"]
     step = (1e-6, 2e-6)
     q, v, total, u = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
     out = {f"{k}.{c}": np.zeros(n) for k in "XA" for c in ("qr", "q", "u")}
@@ -85,11 +89,11 @@ def run(day: Day) -> dict[str, np.ndarray]:
             rub = [today[j] * (dry[j] * math.tanh(v[j] / 1e-3) + viscous[j] * v[j]) for j in (0, 1)]
             c, s = math.cos(q[1]), math.sin(q[1])
             # tau_X = (M + m) x'' - m l (c p'' - s p'^2); tau_A = J p'' - m l c x'' + m g l s
-            h = ARM * REACH
+            h = arm * REACH
             pull = [day.drift.get(k, 0.0) * (day.began + i / RATE) for k in "XA"]
             f0 = give[0] * u[0] - rub[0] - pull[0] - h * s * v[1] ** 2
             f1 = give[1] * u[1] - rub[1] - pull[1] - h * GRAVITY * s
-            m00, m01, m11 = CARRIAGE + ARM, -h * c, INERTIA
+            m00, m01, m11 = CARRIAGE + arm, -h * c, turned
             det = m00 * m11 - m01 * m01
             a0, a1 = (m11 * f0 - m01 * f1) / det, (m00 * f1 - m01 * f0) / det
             v = [v[0] + dt * a0, v[1] + dt * a1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def twin(folder: Path) -> pt.Twin:
     return pt.identify(pt.Machine.load(folder), [str(folder / f"healthy_{k}.csv") for k in range(3)])
 
 
-def _asked(folder: Path, twin: pt.Twin, name: str, **change: dict[str, float]) -> pt.Diagnosis:
+def _asked(folder: Path, twin: pt.Twin, name: str, **change: Any) -> pt.Diagnosis:
     days = [Day(command=30, noise=40 + k, began=10.0 * k, **change) for k in range(2)]
     logs = [str(write(folder, f"{name}_{k}", day)) for k, day in enumerate(days)]
     sealed = str(write(folder, f"{name}_v", Day(command=31, noise=45, began=20.0, **change)))
@@ -65,6 +66,15 @@ def test_friction_that_fell_is_one_factor_of_its_axis(folder: Path, twin: pt.Twi
     if first.effect == "friction_scale":
         assert first.size[0].after == pytest.approx(0.3, abs=0.1)
     assert {e.axis for e in found.effects} == {"X"}
+
+
+@pytest.mark.parametrize("load", [1.5, -1.5])
+def test_a_load_is_one_body_though_the_gains_of_its_controllers_follow(
+    folder: Path, twin: pt.Twin, load: float
+) -> None:
+    found = _asked(folder, twin, f"load_{load}", load=load)
+    assert found.effects[0].effect == "payload"
+    assert found.effects[0].theta["m"] == pytest.approx(load, rel=0.1)
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.0, []), (1.6, [("X", True)])])

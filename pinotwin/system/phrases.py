@@ -376,7 +376,6 @@ NUMBERS = {  # name of a number -> what it is
     "geometric_error.tilt2": "tilt about the second cross axis",
     "feedforward.K_v": "feed-forward of speed",
     "feedforward.K_a": "feed-forward of acceleration",
-    "payload.m": "mass",
 }
 
 IMPROVED = {  # what `improve` found

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Mask
+from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.mechanisms import GROWS, group_of, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
+from pinotwin.diagnosis.payload import body_of
 from pinotwin.diagnosis.result import Region, Size
-from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
 from pinotwin.effects import Effect
 
 EFFECT = {
@@ -182,14 +183,12 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
 
 
 def _body(row: Row) -> list[Size]:
-    """Return the numbers of a body that are known to half of themselves: mass, first moments, inertia."""
-    names = [*zip(BODY_NAMES[:4], BODY_UNITS[:4], strict=True), ("I", "kg·m²")]
-    out = []
-    for (name, unit), x, error in zip(names, row.numbers[:5], row.errors[:5], strict=True):
-        if abs(x) > 2.0 * error:
-            half = 1.645 * error
-            out.append(Size(f"payload.{name}", 0.0, float(x), unit, (float(x - half), float(x + half))))
-    return out
+    """Return the mass and the centre of mass of a body, from numbers that are known apart from each other."""
+    at = [0, 1, 2, 3, 4, 6, 9]
+    pi, errors = np.zeros(10), np.zeros(10)
+    pi[at], errors[at] = (np.r_[x[:5], x[4], x[4]] for x in (row.numbers, row.errors))
+    covariance = np.diag(errors**2)
+    return body_sizes(body_of(pi, covariance), pi, covariance)
 
 
 def _largest(row: Row, at: Place) -> Size:
