@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_062,
+    lines: 55_061,
     module_numbers: 107,
     numbers_without_unit: 291,
     stories: 5,

@@ -87,6 +87,12 @@ def physical(pi: Floats) -> Floats:
     return sign * np.concatenate([[m], h, tensor])
 
 
+def plain_body(numbers: Floats) -> Floats:
+    """Return the ten parameters of a body from mass, first moments and one inertia about all axes, those first (5,)."""
+    m, x, y, z, inertia = numbers[:5]
+    return np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
+
+
 def found_body(theta: Mapping[str, float]) -> Floats:
     """Return the ten parameters of a named payload, as a body that can exist."""
     return physical(np.array([theta[name] for name in BODY_NAMES]))

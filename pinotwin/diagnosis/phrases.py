@@ -116,7 +116,7 @@ def follows(name: str, what: str, since: Sequence[float]) -> str:
     """Return what a cause follows, in words; empty for what acts always. ``since``: instants or spells [s]."""
     long = f"{since[0]:.2g} s" if since else ""
     if what == "told":
-        return "the gains of the controllers follow it"
+        return "the controllers know of it: their gains follow"
     if what == "read":
         return "the controller did not ask for it: the effort may be misread"
     words = {

@@ -272,9 +272,7 @@ class Diagnosis(Drawn):
                     a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
                     for a, row in self.gap.items()
                 },
-                "where": [
-                    {k: v for k, v in vars(r).items() if k != "other" or v is not None} for r in self.where
-                ],
+                "where": [_region(r) for r in self.where],
                 "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [dict(m) for m in self.missing],
@@ -337,6 +335,10 @@ class Diagnosis(Drawn):
         pictures = importlib.import_module("pinotwin.report.pictures")
         pictures.save(self, target := as_path(folder, "folder"), meshes)
         return target
+
+
+def _region(r: Region) -> dict[str, Any]:
+    return {k: v for k, v in vars(r).items() if k != "other" or v is not None}
 
 
 def _effect(e: Found) -> dict[str, Any]:

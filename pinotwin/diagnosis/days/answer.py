@@ -28,6 +28,7 @@ from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
+from pinotwin.diagnosis.payload import plain_body
 from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
@@ -166,10 +167,7 @@ class Answer:
         told = sizes(row, at)
         theta = {s.name.partition(".")[2] or s.name: s.after for s in told}
         if row.name == "payload":
-            theta = dict.fromkeys(BODY_NAMES, 0.0) | dict(
-                zip(BODY_NAMES[:4], map(float, row.numbers[:4]), strict=True)
-            )
-            theta |= dict.fromkeys(("Ixx", "Iyy", "Izz"), float(row.numbers[4]))
+            theta = dict(zip(BODY_NAMES, plain_body(row.numbers).tolist(), strict=True))
         shape = {"limit": row.theta} if row.name == "limit" else {}
         if row.form is not None:
             names = [x.name for x in row.form.shapes()]

@@ -14,7 +14,7 @@ from pinotwin.diagnosis.days.mechanisms import GROWS, group_of, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
-from pinotwin.diagnosis.payload import body_of
+from pinotwin.diagnosis.payload import body_of, plain_body
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import Effect
 
@@ -184,10 +184,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
 
 def _body(row: Row) -> list[Size]:
     """Return the mass and the centre of mass of a body, from numbers that are known apart from each other."""
-    at = [0, 1, 2, 3, 4, 6, 9]
-    pi, errors = np.zeros(10), np.zeros(10)
-    pi[at], errors[at] = (np.r_[x[:5], x[4], x[4]] for x in (row.numbers, row.errors))
-    covariance = np.diag(errors**2)
+    pi, covariance = plain_body(row.numbers), np.diag(plain_body(row.errors) ** 2)
     return body_sizes(body_of(pi, covariance), pi, covariance)
 
 

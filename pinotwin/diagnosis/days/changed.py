@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
-from pinotwin.diagnosis.payload import loaded_twin, physical
+from pinotwin.diagnosis.payload import loaded_twin, physical, plain_body
 from pinotwin.effects.family import FRICTION
 from pinotwin.simulation import preferred
 from pinotwin.twin import Twin
@@ -32,9 +30,7 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
     if row.group == "law":
         return _turned(twin, axis, row.theta * laws[axis].numbers()[row.name])
     if row.name == "payload":
-        m, x, y, z, inertia = row.numbers[:5]
-        body = np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
-        twin = loaded_twin(twin, axis, physical(body))
+        twin = loaded_twin(twin, axis, physical(plain_body(row.numbers)))
         for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told
             twin = _turned(twin, name, gain * laws[name].numbers()["loop_gain"]) or twin
         return twin

@@ -220,13 +220,13 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
     out: dict[tuple[str, str], float] = {}
     for f in found:
         for axis, each in f.acts.items():
-            size = 0.0
             for equation in each[0]:
-                size = abs(f.theta) if f.group != "body" else size
                 if equation == "plant":
                     y = np.concatenate([combined(x[equation], f.numbers) for x in each])
                     u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
                     size = float(np.std(y) / max(float(np.std(u)), 1e-300))
+                elif f.group != "body":
+                    size = abs(f.theta)
                 out[axis, equation] = 0.1 * min(size, 1.0)
                 if f.group == "body":
                     out[axis, "law"] = min(size, 1.0)
