@@ -306,6 +306,19 @@ def test_a_score_knows_the_number_and_its_error() -> None:
     assert gain == pytest.approx(0.5 * 80 * size * np.log1p(0.3**2), rel=0.15)
 
 
+def test_a_score_finds_the_number_of_loud_cells_beside_quiet_ones_that_it_leaves_worse() -> None:
+    """From nothing the quiet cells keep their weight, and hold the number at none."""
+    rng, cells, size = np.random.default_rng(5), [], 60
+    for k in range(80):
+        x = rng.standard_normal(size) * (1.0 if k % 4 else 0.05)
+        y = (300.0 * x if k % 4 else 0.0) + rng.standard_normal(size)
+        block = np.column_stack([np.zeros(size), np.ones(size) * 0.05, x, y])
+        cells.append(block.T @ block)
+    k = np.arange(80)
+    c = Cells(np.array(cells), np.full(80, float(size)), 0 * k, k % 6, 0.0 * k, 1, {"x": np.array([2])})
+    assert score([(c, np.array([2]))], 1).theta[0] == pytest.approx(300.0, rel=0.01)
+
+
 def test_an_onset_is_found_to_the_row() -> None:
     from types import SimpleNamespace
 

@@ -13,17 +13,41 @@ STIFFNESS, FRICTION = 4e7, 25.0  # [N/m], [N]
 LEAD, BOW, PLAY = 60e-6, 8e-6, 6e-6  # of every day: scale [1], curve along the stroke and lost motion [m]
 
 
-def _day(command: int, noise: int, scale: float = 0.0, grows: float = 0.0, play: float = 0.0) -> Log:
-    """Return a day's log with a scale on the load; what grows is 1 - exp(-t / 6 s), from a bearing at -0.4 m."""
+def _day(
+    command: int,
+    noise: int,
+    scale: float = 0.0,
+    grows: float = 0.0,
+    play: float = 0.0,
+    moved: float = 0.0,
+    floats: float = 0.0,
+    give: float = 1.0,
+) -> Log:
+    """Return a day's log with a scale on the load; what grows is 1 - exp(-t / 6 s), from a bearing at -0.4 m.
+
+    A load that ``floats`` lies on the side to which friction and inertia push it, and anywhere between at rest.
+    """
     log, rng = run(Day(command=command, noise=noise)), np.random.default_rng(noise)
     q, t = log["X.q"], log["t"]
     v = np.gradient(q, 1.0 / RATE)
     side = np.sign(v[np.maximum.accumulate(np.where(np.abs(v) > 1e-3, np.arange(len(v)), 0))])
-    twist = (log["X.u"] - 0.5 * FRICTION * np.tanh(v / 1e-3)) / STIFFNESS + 0.5 * (PLAY + play) * side
+    drive = (log["X.u"] - 0.5 * FRICTION * np.tanh(v / 1e-3)) / STIFFNESS
+    twist = give * drive + 0.5 * (PLAY + play) * side + moved
+    twist += 0.5 * floats * _rests(drive, v, np.random.default_rng([noise, 1]))
     off = (LEAD + scale + 4e-6 * rng.standard_normal()) * q + BOW * (1.0 - (q / 0.25) ** 2)
     off += grows * (1.0 - np.exp(-t / 6.0)) * (q + 0.4) + 1e-6 * rng.standard_normal()
     load = q - twist + off + 2e-7 * rng.standard_normal(len(q))
     return Log({**log, "X.ql": load}, source=f"day {command} {noise}")
+
+
+def _rests(drive: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return where a load is between -1 and 1: in motion on the side of its drive, at rest anywhere for a while."""
+    out, at = np.sign(drive), 0.0
+    still = np.abs(v) < 2e-3
+    for k in np.flatnonzero(still):
+        at = at if k and still[k - 1] else float(rng.uniform(-0.8, 0.8))
+        out[k] = at
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +76,35 @@ def test_lost_motion_is_told_beside_that_of_healthy_days(twin: pt.Twin) -> None:
     found = _asked(twin, play=30e-6)
     assert [(e.effect, e.axis) for e in found.effects] == [("backlash", "X")]
     assert found.effects[0].theta["gap"] == pytest.approx(30e-6, rel=0.2)
+
+
+@pytest.mark.parametrize("moved", [-25e-6, 2e-3])
+def test_a_load_that_moved_before_the_log_began_is_told_from_where_it_stood_on_healthy_days(
+    twin: pt.Twin, moved: float
+) -> None:
+    found = _asked(twin, moved=moved)
+    assert [(e.effect, e.axis) for e in found.effects] == [("encoder_step", "X")]
+    assert found.effects[0].theta["step"] == pytest.approx(-moved, rel=0.1)
+
+
+def test_a_zero_that_is_set_anew_every_day_tells_nothing(twin: pt.Twin) -> None:
+    logs = [_day(10 + k, 20 + k, moved=x) for k, x in enumerate((0.0, 1.3e-3, -0.8e-3, 0.4e-3))]
+    found = _asked(pt.identify(twin.machine, logs), moved=-1e-3)
+    assert (found.verdict, list(found.effects)) == ("none", [])
+
+
+def test_a_load_that_floats_within_its_play_is_measured_between_its_ends(twin: pt.Twin) -> None:
+    found = _asked(twin, floats=60e-6)
+    assert [(e.effect, e.axis) for e in found.effects] == [("backlash", "X")]
+    assert found.effects[0].theta["gap"] == pytest.approx(60e-6, rel=0.2)
+
+
+def test_a_drive_that_gives_twenty_times_as_much_is_told_beside_quiet_rows(twin: pt.Twin) -> None:
+    """What is loud in motion alone is a second maximum: rows at rest speak for no change."""
+    found = _asked(twin, give=20.0)
+    assert [(e.effect, e.axis) for e in found.effects] == [("drive_flexibility", "X")]
+    first = found.effects[0]
+    assert 10.0 * first.size[0].before < first.size[0].after < 40.0 / STIFFNESS
 
 
 @pytest.mark.parametrize("grows", [-120e-6, 80e-6])

@@ -51,20 +51,13 @@ def worn(twin: Twin) -> Log:
 @pytest.mark.parametrize(("times", "counts"), [(0.02, 0.02), (0.3, 0.05)])
 def test_what_friction_scatters_is_noise_up_to_a_share_of_it(twin: Twin, times: float, counts: float) -> None:
     c = compare(twin, [record(4)], [])
-    c = with_residual(c, times * c.rubbing[0])
-    assert scatter(c, 0, RULES.scatter) == pytest.approx(counts * rms(c.rubbing[0]))
+    friction = c.rubs[0].sum(axis=1)
+    c, size = with_residual(c, times * friction), rms(friction)
+    assert scatter(c, 0, RULES.scatter) == pytest.approx(counts * size)
     noise, kind = noise_levels(c)
     assert kind == "assumed"
-    assert (
-        counts * rms(c.rubbing[0]) <= noise[0] < counts * rms(c.rubbing[0]) + 0.2 * times * rms(c.rubbing[0])
-    )
-    gap = Gap(
-        rms=times * rms(c.rubbing[0]),
-        nrmse=0.1,
-        noise=noise[0],
-        after=times * rms(c.rubbing[0]),
-        misfit=c.floor[0],
-    )
+    assert counts * size <= noise[0] < counts * size + 0.2 * times * size
+    gap = Gap(rms=times * size, nrmse=0.1, noise=noise[0], after=times * size, misfit=c.floor[0])
     assert (stays(gap.after, gap.noise, gap.misfit, None) > RULES.open_change) == (times > 0.1)
 
 

@@ -53,8 +53,8 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_061,
-    module_numbers: 107,
+    lines: 55_060,
+    module_numbers: 106,
     numbers_without_unit: 291,
     stories: 5,
 }

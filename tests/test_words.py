@@ -10,7 +10,8 @@ import re
 import runpy
 from collections.abc import Iterator
 from pathlib import Path
-from typing import get_args
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import pytest
 
@@ -43,6 +44,10 @@ from pinotwin.system.phrases import (
 )
 from tests.conftest import ROOT
 
+UNASKED: Any = SimpleNamespace(
+    change=False, new=SimpleNamespace(motion=SimpleNamespace(qr=None)), machine=SimpleNamespace(axes={})
+)
+"""A comparison of nothing, without a command."""
 LONGEST = 30
 """Words of a sentence."""
 NOT_USED = re.compile(
@@ -131,7 +136,7 @@ def diagnosis(answer: dict) -> Diagnosis:
         answer["unexplained"],
         {},
         "assumed",
-        advise("assumed", [(min(group), max(group)) for group, _, _ in PAIRS], has_command=False)[0],
+        advise(UNASKED, "assumed", [], [], [], [(min(group), max(group)) for group, _, _ in PAIRS])[0],
         answer["situation"],
         {},
         possible=[found(e) for e in answer["possible"]],

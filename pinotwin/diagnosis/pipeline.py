@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
+from pinotwin.diagnosis.conclusion.advice import advise, command
 from pinotwin.diagnosis.conclusion.explained import at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
-from pinotwin.diagnosis.conclusion.sizes import undetermined
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
@@ -117,8 +116,7 @@ def _by_structure(
     named = at_one_gap([*named, *limited, *shaken.effects], others)
     result = _concluded(c, found, account, gaps, kind, named)
     result = _with_encoders(replace(result, subject=subject, quick=quick), measured)
-    made = provenance(subject, c.logs, c.validation, **options)
-    return replace(result, provenance=made)
+    return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
@@ -156,9 +154,9 @@ def _concluded(
     groups = [g for x in account.causes for g in alike(x.turn)]
     names = [[x.partition(".")[2] for x in g] for g in groups]
     pairs = [(g[0], x) for g in names for x in dict.fromkeys(g[1:]) if x != g[0]]
-    advice, motions = advise(kind, pairs, has_command=c.new.motion.qr is not None)
     axis = next((g[0].partition(".")[0] for g in groups), None)
-    pushed = {r.axis for r in account.pushed()}
+    opened = {*verdict.unexplained, *(r.axis for r in account.pushed())}
+    advice, motions = advise(c, kind, named, opened, {*gaps, *c.gate.unknown}, pairs)
     rows = [x.row() for x in found.turns[0].ranked if x.worth > SETTINGS.share]
     return Diagnosis(
         verdict=verdict.verdict,
@@ -170,14 +168,7 @@ def _concluded(
         unexplained=verdict.unexplained,
         remains=verdict.remains,
         noise=kind,
-        advice=[
-            *of_one_run(c, named),
-            *of_other_state(c, {*verdict.unexplained, *pushed}),
-            *advice,
-            *_untold(named),
-            *resting(c.machine, {*gaps, *c.gate.unknown}),
-            *verdict.notes,
-        ],
+        advice=[*advice, *verdict.notes],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
@@ -192,17 +183,6 @@ def _concluded(
         possible=possible,
         evidence=[x.plain() for x in rows if x.group != "describe"][:20],
     )
-
-
-def _untold(named: Sequence[Found]) -> list[str]:
-    """Return what to do where these logs do not determine a payload's mass or centre."""
-    told = [(e.axis, undetermined(e.size)) for e in named if e.effect == "payload"]
-    return [
-        f"these logs do not determine the {' and the '.join(missing)} of the payload on {axis}; turn its link "
-        "under gravity, or accelerate it along other axes"
-        for axis, missing in told
-        if missing
-    ]
 
 
 def _where(c: Comparison, account: Account) -> list[Region]:

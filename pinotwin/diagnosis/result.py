@@ -42,6 +42,11 @@ class Gap:
         return math.hypot(self.misfit, self.unsure)
 
     @property
+    def variation(self) -> float:
+        """By how much the signal varies, its RMS where that is not known [unit of the signal]."""
+        return self.size if math.isfinite(self.size) else self.rms / max(self.nrmse, 1e-300)
+
+    @property
     def level(self) -> float:
         """The expected error and the noise together, which the residual is held against [unit of the signal]."""
         return left_anyway(self.noise, self.expected)
@@ -157,7 +162,6 @@ class Diagnosis(Drawn):
         subject: what was diagnosed, for :meth:`apply`.
         possible: causes that were found but are less sure than `rules.named`: nothing is said by them.
         commands: advised command files: name -> channel -> values.
-        missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
         detectable: the least changes of the plain causes that these logs, with commands or a twin of three, would have
@@ -187,7 +191,6 @@ class Diagnosis(Drawn):
     subject: Any = field(default=None, repr=False)
     possible: Sequence[Found] = ()
     commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
-    missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
     detectable: Sequence[Mapping[str, Any]] = ()
@@ -223,9 +226,9 @@ class Diagnosis(Drawn):
             return "not judged"  # the log itself is in doubt
         named = self._acts(axis, signal)
         shrinks = named or (signal == "e" and g.after < g.rms)  # by what was named on another axis
-        own = g.rms / g.nrmse if g.nrmse > 0.0 else None
-        size = g.size if math.isfinite(g.size) else own
-        word = grade(g.rms, g.expected, g.noise, g.after if shrinks else None, size=size, signal=signal)
+        word = grade(
+            g.rms, g.expected, g.noise, g.after if shrinks else None, size=g.variation, signal=signal
+        )
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal == "e" and word == "gap explained" and g.after > RULES.odd * g.level:
@@ -275,7 +278,7 @@ class Diagnosis(Drawn):
                 "where": [_region(r) for r in self.where],
                 "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
-                "missing_since_identification": [dict(m) for m in self.missing],
+                "missing_since_identification": [],
                 "confusable": [list(group) for group in self.confusable],
                 "state": {a: self.state(a) for a in self.gap},
                 "unexplained": {a: dict(row) for a, row in self.unexplained.items()},

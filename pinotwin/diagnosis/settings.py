@@ -15,7 +15,7 @@ class Settings:
         freedom: of Student's t, by which one bad cell decides nothing.
         number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
         widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
-            half cycles; scale between two encoders, and give of what lies between them over its size.
+            half cycles; zero [m or rad] and scale between two encoders, and give of what lies between over its size.
         share: of the effort, below which a cause is not worth a word; five times that of what acts for a while.
         told: the least number worth a word, by group: of a gain its change, of two encoders tenths of a millimetre.
         likely: probability of a cause that has acted from which it is named.
@@ -41,6 +41,7 @@ class Settings:
             "warm": 0.05,
             "offset": 0.01,
             "late": 1.0,
+            "zero": 5e-6,
             "scale": 1e-5,
             "give": 0.05,
         }

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.conclusion.sizes import undetermined
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.phrases import effect_words
+from pinotwin.diagnosis.result import Found
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import known
 from pinotwin.effects.family import FRICTION
@@ -61,14 +62,21 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
 )
 
 
-def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -> tuple[list[str], list[str]]:
-    """Return sentences of advice and the kinds of motion that they ask for."""
-    words = []
+def advise(
+    c: Comparison,
+    noise: str,
+    named: Sequence[Found],
+    open_axes: Collection[str],
+    seen: Collection[str],
+    pairs: Sequence[tuple[str, str]] = (),
+) -> tuple[list[str], list[str]]:
+    """Return sentences of advice and the kinds of motion that they ask for; ``pairs``: effects not told apart."""
+    words = [*_of_one_run(c, named), *_of_other_state(c, open_axes)]
     if noise == "assumed":
         words.append(
             "record the same command twice; the difference of the runs is the noise, which is assumed here"
         )
-    if not has_command:
+    if c.new.motion.qr is None:
         words.append("log the command (<axis>.qr) as well; without it only the open loop is diagnosed")
     told: dict[tuple[str, str], dict[str, list[str]]] = {}
     for a, b in pairs:
@@ -76,21 +84,28 @@ def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -
         if way is not None:
             told.setdefault(way, {}).setdefault(a, []).append(b)
     for (text, _), rivals in told.items():
-        named = "; ".join(
+        apart = "; ".join(
             f"{effect_words(a)} from {joined([effect_words(b) for b in dict.fromkeys(bs)])}"
             for a, bs in rivals.items()
         )
-        words.append(f"to separate {named}: {text}")
+        words.append(f"to separate {apart}: {text}")
+    still = "hardly moves in these logs, or its effort is missing: it is not judged"
+    words += [*_untold(named), *(f"{x} {still}" for x in c.machine.axes if x not in seen)]
     return words, list(dict.fromkeys(kind for _, kind in told))
 
 
-def resting(machine: Machine, seen: Collection[str]) -> list[str]:
-    """Return what to do about axes that these logs tell nothing of."""
-    silent = [name for name in machine.axes if name not in seen]
-    return [f"{x} hardly moves in these logs, or its effort is missing: it is not judged" for x in silent]
+def _untold(named: Sequence[Found]) -> list[str]:
+    """Return what to do where these logs do not determine a payload's mass or centre."""
+    told = [(e.axis, undetermined(e.size)) for e in named if e.effect == "payload" and "m" in e.theta]
+    return [
+        f"these logs do not determine the {' and the '.join(missing)} of the payload on {axis}; turn its link "
+        "under gravity, or accelerate it along other axes"
+        for axis, missing in told
+        if missing
+    ]
 
 
-def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
+def _of_one_run(c: Comparison, named: Sequence[Found]) -> list[str]:
     """Return a word on friction that has changed against a twin that knows the friction of one run alone."""
     axes = [str(e.axis) for e in named if _rubs(e.effect) or any(_rubs(o["effect"]) for o in e.alternatives)]
     if not c.change or len(c.twin.data) != 1 or not axes:
@@ -106,7 +121,7 @@ def _rubs(effect: str) -> bool:
     return kind is not None and kind.family is FRICTION
 
 
-def of_other_state(c: Comparison, open_axes: Collection[str]) -> list[str]:
+def _of_other_state(c: Comparison, open_axes: Collection[str]) -> list[str]:
     """Return a word on validation logs that do not show what the diagnosed logs show of some axes."""
     if not c.change or c.unseen is None:
         return []

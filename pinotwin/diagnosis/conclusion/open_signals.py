@@ -13,9 +13,7 @@ from pinotwin.system.phrases import SIGNALS
 def with_open_signals(found: Diagnosis) -> Diagnosis:
     """Return the diagnosis with every signal left open that its grades call open, beside the verdict on the efforts."""
     off = {
-        (axis, signal): stays(
-            g.after, g.noise, g.expected, g.size if math.isfinite(g.size) else g.rms / g.nrmse
-        )
+        (axis, signal): stays(g.after, g.noise, g.expected, g.variation)
         for axis, row in found.gap.items()
         for signal, g in row.items()
         if signal not in found.unexplained.get(axis, {}) and found.grade(axis, signal) in OPEN

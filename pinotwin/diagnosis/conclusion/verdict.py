@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.grade import grade, is_open, left_anyway
+from pinotwin.diagnosis.grade import grade, is_open
 from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES
@@ -37,7 +37,7 @@ def judge(
 ) -> Judgement:
     """Return the verdict on a comparison; ``patterns``: axis -> what is left follows, in words."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
-    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"])}
+    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(row["u"])}
     told = {axis for e in effects for axis in _axes(e)}
     known = gaps.keys() - told
     unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
@@ -68,14 +68,9 @@ def _axes(e: Found) -> set[str]:
     return {str(e.axis), *e.acts}
 
 
-def _open(c: Comparison, axis: str, g: Gap) -> bool:
-    """Whether more of an axis' gap stays than its model leaves on healthy logs.
-
-    Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
-    """
-    j = c.machine.names.index(axis)
-    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    return is_open(g.after, g.noise, g.expected, size)
+def _open(g: Gap) -> bool:
+    """Whether more of a gap stays than a model leaves on healthy logs, a machine of what its effort varies by."""
+    return is_open(g.after, g.noise, g.expected, g.variation)
 
 
 def _agrees(g: Gap) -> bool:
@@ -91,7 +86,7 @@ def _quiet(g: Gap) -> bool:
 
 
 def _odd(g: Gap) -> bool:
-    return bool(np.isfinite(g.misfit) and g.after > RULES.odd * left_anyway(g.noise, g.expected))
+    return bool(np.isfinite(g.misfit) and g.after > RULES.odd * g.level)
 
 
 def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
@@ -131,7 +126,7 @@ def _sentence(
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
-    asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"]))
+    asked = largest and (effects or not c.gate.silent or _open(gaps[largest]["u"]))
     if asked and not any(largest in _axes(e) for e in effects):
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
         text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"

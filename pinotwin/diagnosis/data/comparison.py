@@ -19,6 +19,7 @@ from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.result import Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
@@ -31,7 +32,7 @@ from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.signals import rms
+from pinotwin.signals import joined, rms
 from pinotwin.twin import Twin
 
 
@@ -79,10 +80,10 @@ class Comparison:
                     out[j].append(x @ self.twin.theta[where])
         return {j: np.array(x).reshape(len(x), len(self.new.residual[j])).T for j, x in out.items()}
 
-    @cached_property
-    def rubbing(self) -> Mapping[int, Floats]:
-        """Joint -> course of all friction that the twin knows of it, on the rows in question [N or N·m], shape (m,)."""
-        return {j: x.sum(axis=1) for j, x in self.rubs.items()}
+    def traces(self, axis: str, t: Floats, before: Floats, after: Floats) -> list[Traces]:
+        """Return the residual of an axis before and after its causes, (m,) [N or N·m], log by log, for plots."""
+        logs, parts = dict(enumerate(self.kept)), enumerate(joined(t))
+        return [Traces(axis, logs.get(k, k), t[rows], before[rows], after[rows]) for k, rows in parts]
 
 
 def compare(

@@ -26,5 +26,5 @@ def scatter(c: Comparison, joint: int, most: float) -> float:
         here = (rows >= part.start) & (rows < part.stop)
         if rubs[here].any():
             more = rms(rubs[here] @ np.linalg.lstsq(rubs[here], left[here], rcond=None)[0])
-            power += here.sum() * min(more, most * rms(c.rubbing[joint][here])) ** 2
+            power += here.sum() * min(more, most * rms(rubs[here].sum(axis=1))) ** 2
     return float(np.sqrt(power / max(len(left), 1)))

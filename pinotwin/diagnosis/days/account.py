@@ -24,7 +24,6 @@ from pinotwin.diagnosis.payload import body_of
 from pinotwin.diagnosis.result import Found, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
-from pinotwin.signals import joined
 
 ROUNDED = 1e-9
 """Share of what a number is now below which it was none before: a fit leaves 2e-14 of what rests at zero."""
@@ -114,13 +113,9 @@ class Account:
 
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the named causes, by axis and log."""
-        out, c = list[Traces](), self.start.c
-        for j, (p, *_) in self.start.parts.items():
-            after = self.rest.left(j)
-            for k, part in enumerate(joined(p.t)):
-                log = c.kept[k] if k < len(c.kept) else k
-                out.append(Traces(c.machine.names[j], log, p.t[part], p.left[part], after[part]))
-        return out
+        c, parts = self.start.c, self.start.parts.items()
+        each = [c.traces(c.machine.names[j], p.t, p.left, self.rest.left(j)) for j, (p, *_) in parts]
+        return [x for axis in each for x in axis]
 
     def pushed(self) -> list[Region]:
         """Return when axes were pushed, what closes most first."""
@@ -212,7 +207,7 @@ def _found(x: Told, levels: Mapping[int, float]) -> Found:
 
 def _rivals(x: Told) -> Sequence[Mapping[str, Any]]:
     """Return other effects with their probability, the most probable first."""
-    out = [
+    return [
         {
             "effect": r.name,
             "axis": r.axis,
@@ -222,8 +217,7 @@ def _rivals(x: Told) -> Sequence[Mapping[str, Any]]:
         }
         for r, p in x.turn.probabilities()
         if p > 0.005 and not isinstance(r.effect, Pattern) and (r.name, r.axis) != (x.one.name, x.one.axis)
-    ]
-    return out[:5]
+    ][:5]
 
 
 def sizes_of(one: Lack) -> list[Size]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
-from pinotwin.diagnosis.conclusion.advice import advise, of_one_run, of_other_state, resting
+from pinotwin.diagnosis.conclusion.advice import advise
 from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gap
@@ -31,11 +31,12 @@ from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.payload import plain_body
 from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.motion import Motion
-from pinotwin.signals import joined, rms
+from pinotwin.signals import rms
 from pinotwin.system.phrases import JUDGED
 
 BEGINS = ("friction_since", "friction_at_start", "zero_since", "")
@@ -187,6 +188,12 @@ class Answer:
             listed=None if row.form is None else named(row.form),
         )
 
+    def closes(self, x: Named) -> float:
+        """Return the largest share that a cause closes of any effort or twist [1]; 1 of a controller's number."""
+        found = self.told(x)
+        shares = [s.share for k, s in {**found.acts, **found.shrink}.items() if k != "law"]
+        return max(shares, default=1.0)
+
     def _rival(self, row: Row, p: float) -> dict[str, Any]:
         axis = axis_of(row, self.r)
         share = float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0))
@@ -217,7 +224,7 @@ class Answer:
                 if not acts or "encoders" not in acts[0]:
                     continue
                 left = [y - combined(a["encoders"], x.row.numbers) for y, a in zip(left, acts, strict=True)]
-                after = rms(np.concatenate([y - np.median(y) for y in left]))
+                after = rms(np.concatenate([self.r.centred(name, y) for y in left]))
                 share = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
                 shrinks[id(x)] = shrunk(level, share, (share, share), share, "fitted logs", None)
                 now = min(now, after)
@@ -242,10 +249,7 @@ class Answer:
             j = self.c.machine.names.index(name)
             after = self.new.left[:, j] - sum((self.new.course(x.row, name) for x in self.named), np.zeros(1))
             at = judged_rows(self.new.motion, j)
-            t, before, after = self.new.motion.t[at], self.new.left[at, j], after[at]
-            for k, part in enumerate(joined(t)):
-                log = self.c.kept[k] if k < len(self.c.kept) else k
-                out.append(Traces(name, log, t[part], before[part], after[part]))
+            out += self.c.traces(name, self.new.motion.t[at], self.new.left[at, j], after[at])
         return out
 
     def remains(self) -> dict[str, str]:
@@ -369,7 +373,11 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
         return None  # without the controller's law and other days a recording and a machine look alike
     r = r if lawful else r.without_laws()
     valid = valid if valid is not None and valid.stretches else None
-    return Answer(c, r, _judged(c, r, new, valid, options), new, valid)
+    a = Answer(c, r, _judged(c, r, new, valid, options), new, valid)
+    shown = [x for x in a.named if a.closes(x) > SETTINGS.share]
+    if 0 < len(shown) < len(a.named):  # what others close needs no further name
+        a = Answer(c, r, replace(a.judged, named=[*a.recorded, *shown]), new, valid)
+    return a
 
 
 def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) -> Diagnosis | None:
@@ -403,7 +411,7 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         word = "unexplained" if opened else "none"
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
-    advice, _ = advise(a.kind, [], has_command=c.new.motion.qr is not None)
+    other = set[str]() if a.recording() else {*opened, *refuted}
     return Diagnosis(
         verdict=word,
         sentence=". ".join([*a.sentence(effects), *only, *unjudged(c, {str(e.axis) for e in effects})]),
@@ -416,12 +424,7 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         unexplained=opened,
         remains=a.remains(),
         noise=a.kind,
-        advice=[
-            *of_one_run(c, effects),
-            *(of_other_state(c, {*opened, *refuted}) if not a.recording() else []),
-            *advice,
-            *resting(c.machine, {*gap, *c.gate.unknown}),
-        ],
+        advice=advise(c, a.kind, effects, other, {*gap, *c.gate.unknown})[0],
         warnings=c.gate.warnings,
         situation="change",
         shrink={n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()},

@@ -29,8 +29,8 @@ EFFECT = {
     "proportional_gain": "loop_gain",
     "lost_motion": "backlash",
     "lost_motion_by_load": "backlash",
-    "lost_motion_by_inertia": "backlash",
     "lost_motion_either_side": "backlash",
+    "load_moved": "encoder_step",
     "push": "external_force",
     "cut": "external_force",
     "snag": "external_force",
@@ -142,7 +142,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     dry, viscous = at.friction("dry"), at.friction("viscous")
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
-    stiff = at.reference.twists.get(at.axis, np.ones(1))[0]
+    gives = -at.reference.twists.get(at.axis, -np.ones(1))[0]
     per = f"{at.force}·s/{at.length}"
     table = {
         "coulomb": ("coulomb.c", *dry, at.force),
@@ -159,7 +159,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
             "kg·m²" if at.length == "rad" else "kg",
         ),
         "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
-        "compliance": ("drive_flexibility.compliance", stiff, stiff, f"{at.length}/{at.force}"),
+        "compliance": ("drive_flexibility.compliance", gives, gives, f"{at.length}/{at.force}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
         "torque_constant": ("effort_scale.share", 0.0, 1.0, "-"),
         "torque_fades": ("effort_scale.share", 0.0, 1.0, "-"),
@@ -168,6 +168,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "zero": ("zero.shift", 0.0, 1.0, at.length),
         "zero_since": ("zero.shift", 0.0, 1.0, at.length),
         "encoder_step": ("encoder_step.step", 0.0, 1e-4, at.length),
+        "load_moved": ("encoder_step.step", 0.0, 1e-4, at.length),
         "encoder_scale": ("encoder_scale.error", 0.0, 1e-4, "-"),
         "encoder_grows": ("encoder_scale.error", 0.0, 1e-4, "-"),
         "tooth": ("position_table.peak", 0.0, at.effort, at.force),
@@ -175,7 +176,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
-    if group_of(name) == "play":
+    if group_of(name) == "play" and name != "load_moved":
         return "backlash.gap", 0.0, 1e-4, at.length
     found = table.get(name)
     plain = found is None or (name == "position_gain" and not kp)

@@ -88,22 +88,27 @@ def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], n
 
 
 def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course | None:
-    """Return lost motion whose side is a hidden state; each change of side is paid for."""
-    sides = [_sides(x[name, "encoders"]) for x in left]
+    """Return lost motion whose place in its gap is a hidden state; each change is paid for."""
+    ends = [np.quantile(x[name, "encoders"], [0.1, 0.9]) for x in left]
+    places = [_in_gap(x[name, "encoders"], *e) for x, e in zip(left, ends, strict=True)]
+    sides = [x[np.abs(x) == 1.0] for x in places]
     turns = [int(np.sum(x[1:] != x[:-1])) for x in sides]
     reversals = [int(np.sum(np.diff(np.sign(s.axes[name]["memory"])) != 0.0)) for s in logs]
-    if any(t < max(n, 3) for t, n in zip(turns, reversals, strict=True)):
-        return None  # a step: lost motion changes sides whenever the axis reverses
-    return Course([{"encoders": PLAY * s.low(x)} for s, x in zip(logs, sides, strict=True)], 3.0 * sum(turns))
+    wide = any(np.ptp(x[name, "encoders"]) > 2.0 * np.ptp(e) for x, e in zip(left, ends, strict=True))
+    if wide or any(t < max(n, 3) for t, n in zip(turns, reversals, strict=True)):
+        return None  # a spring, which no gap bounds, or a step: a play changes sides at every reversal
+    price = 3.0 * sum(int(np.sum(x[1:] != x[:-1])) for x in places)
+    pairs = zip(logs, places, ends, strict=True)
+    acts = [{"encoders": PLAY * (s.low(x) - e.sum() / max(np.ptp(e), 1e-300))} for s, x, e in pairs]
+    return Course(acts, price)
 
 
-def _sides(r: Floats) -> Floats:
-    """Return -1 or 1 for every row: the side on which a gap with two levels lies, with hysteresis."""
-    low, high = np.quantile(r, 0.1), np.quantile(r, 0.9)
-    middle, half = 0.5 * (high + low), 0.25 * (high - low)
-    raw = np.where(r > middle + half, -1.0, np.where(r < middle - half, 1.0, 0.0))
-    seen = np.maximum.accumulate(np.where(raw != 0.0, np.arange(len(r)), 0))
-    return np.where(raw[seen] == 0.0, 1.0, raw[seen])
+def _in_gap(r: Floats, low: float, high: float) -> Floats:
+    """Return where a load is in its gap, (n,): 1 at the low end to -1 at the high one, until another half is sure."""
+    y = np.clip((low + high - 2.0 * r) / max(high - low, 1e-300), -1.0, 1.0)
+    step = np.round(2.0 * y)
+    sure = np.abs(2.0 * y - step) < 0.25
+    return np.asarray(0.5 * step[np.maximum.accumulate(np.where(sure, np.arange(len(r)), 0))])
 
 
 def spells(

@@ -29,16 +29,10 @@ def cells(
     found: Shapes | None = None,
     spoilt: Sequence[Mask] | None = None,
 ) -> dict[str, Cells]:
-    """Return equation -> cells of one axis.
+    """Return equation -> cells of one axis, from what the equations leave of stretches in question.
 
-    Args:
-        r: healthy days.
-        logs: stretches in question.
-        left: what the equations leave of each.
-        name: of the axis.
-        acting: of every stretch: cause -> equation -> columns.
-        found: axis and equation -> size of the causes that were found.
-        spoilt: of every stretch the rows without an effort; only plant and law are asked then.
+    ``acting``: of every stretch cause -> equation -> columns. ``found``: axis and equation -> size of causes found.
+    ``spoilt``: of every stretch the rows without an effort; only plant and law are asked then.
     """
     days = [healthy_day(r, s, name, found or {}) for s in logs]
     asked = [e for e in EQUATIONS if (name, e) in left[0] and (spoilt is None or e != "encoders")]

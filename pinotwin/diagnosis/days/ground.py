@@ -334,12 +334,12 @@ class Ground:
         kept = days[0].any(axis=0)
         return [np.hstack([x[:, kept], X @ off]) for x, X in zip(days, columns, strict=True)]
 
-    def fit(self, tables: Tables, start: Floats | None = None) -> Fit:
-        """Return what columns of a cause are worth on the joints that they act on; its numbers are about a start."""
+    def fit(self, tables: Tables) -> Fit:
+        """Return what columns of a cause are worth on the joints that they act on."""
         joints = [j for j in tables[0] if j in self.parts]
         count = tables[0][joints[0]].shape[1]
         use = [self.parts[j][0].cells(self.noise[j], tables[0][j]) for j in joints]
-        got = score([(x, x.at["cause"]) for x in use], count, start=start)
+        got = score([(x, x.at["cause"]) for x in use], count)
         left = {
             j: _least(c) * self.noise[j][0] ** 2 * self.noise[j][1] for j, c in zip(joints, use, strict=True)
         }

@@ -40,7 +40,8 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
         out["law"] = np.column_stack([c["one"] * 1e3 * w["effort"], drift * w["effort"], *own])
     if name in r.twists and "gap" in c:
         place, give = c["q"] - c["q"].mean(), r.twist(name, c)
-        out["encoders"] = np.column_stack([c["one"], place * w["scale"], give * w["give"]])
+        zero = w["zero"] if name in r.zeros else 1.0  # one metre, or radian: nobody knows it
+        out["encoders"] = np.column_stack([c["one"] * zero, place * w["scale"], give * w["give"]])
     parts = {"plant": [c["dry"], c["viscous"], c["rest"]]}
     if "law" in out:
         parts["law"] = [c[k] * gain for k, gain in zip(TERMS, r.laws[name].gains, strict=True)]

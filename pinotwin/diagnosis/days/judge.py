@@ -21,8 +21,6 @@ from pinotwin.diagnosis.days.rows import Asked, by_score
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
 
-AGAIN = "encoder_step"  # may come again after it was found, if nothing else was: each step is one
-
 
 @dataclass(frozen=True, eq=False)
 class Named:
@@ -59,23 +57,19 @@ class Judged:
 def evidence(
     q: Question, found: Sequence[Row] = (), admits: Callable[[Row], bool] = bool
 ) -> tuple[Case, list[Row], Asked]:
-    """Return the case, all rows and the columns of a question beside the causes that were found.
-
-    Args:
-        q: the question.
-        found: causes that are in the model by now.
-        admits: which rows these logs can show; all of them by default.
-    """
+    """Return the case, the rows that these logs can show, and the columns of a question beside what was found."""
     asked = Asked(q.without(found), [x for x in found if not x.rescales])
     rows = asked.rows()
     if not found:
         rows += [*recording_rows(asked), *limit_rows(asked)]
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
-    steps = {a for a in q.reference.axes if {f.name for f in found if f.axis == a} == {AGAIN}}
+    # Each step between two encoders is one: it may come again, if nothing else was found.
+    step = "encoder_step"
+    again = {(step, a) for a in q.reference.axes if {f.name for f in found if f.axis == a} == {step}}
     rows = [
         replace(r, score=_beyond(healthy.get(_kind(r), 0.0), r, q.logs))
         for r in rows
-        if ((r.name == AGAIN and r.axis in steps) or (family(r.name), r.axis) not in told) and admits(r)
+        if ((r.name, r.axis) in again or (family(r.name), r.axis) not in told) and admits(r)
     ]
     rows.sort(key=by_score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}

@@ -31,8 +31,7 @@ class Lack:
     """A candidate: an effect at its shapes, or pushes (no effect), its columns and what they are worth.
 
     ``total`` is the gain less the price [nats], ``own`` that on its own axis alone; the price of a change holds what
-    the same closes of logs on which nothing has changed. ``news``: of pushes on a twin's axis, the gain of the
-    strongest where its own logs hold nothing like it [nats].
+    the same closes of logs on which nothing has changed.
     """
 
     name: str
@@ -43,7 +42,6 @@ class Lack:
     ground: Ground = field(repr=False)
     joint: int
     price: float
-    news: float | None = None
 
     @property
     def theta(self) -> Floats:
@@ -245,8 +243,7 @@ def judged(
     if not np.isfinite(size).all() or not (size > 0.0).all() or np.sum(rest**2) < 1e-5 * np.sum(x**2):
         return None
     scaled = [{k: x / size for k, x in t.items()} for t in tables]
-    start = np.linalg.lstsq(scaled[0][j], g.left(j), rcond=None)[0] if effect is None else None
-    fit = g.fit(scaled, start)
+    fit = g.fit(scaled)
     fit = replace(fit, theta=fit.theta / size, covariance=fit.covariance / np.outer(size, size))
     # Numbers that are fitted pay for themselves: no cell is judged by numbers that know it.
     numbers = 0.0 if effect is None else 0.25 * len(size) + type(effect).searched

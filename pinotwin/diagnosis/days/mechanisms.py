@@ -45,7 +45,7 @@ GROUPS = {
         "velocity_feedforward",
         "acceleration_feedforward",
     ),
-    "play": ("lost_motion", "lost_motion_by_load", "lost_motion_by_inertia", "lost_motion_either_side"),
+    "play": ("lost_motion", "lost_motion_by_load", "lost_motion_either_side", "load_moved"),
     "time": ("push", "cut"),
     "place": ("tooth", "snag"),
     "form": FORMS,
@@ -89,27 +89,19 @@ POSSIBLE = {
     "proportional_gain": (-0.9, 9.0),
     "velocity_feedforward": (-2.0, 9.0),
     "acceleration_feedforward": (-4.0, 9.0),
-    "lost_motion": (0.0, 1e3),
-    "lost_motion_by_load": (0.0, 1e3),
-    "lost_motion_either_side": (0.0, 1e3),
-    "lost_motion_by_inertia": (0.0, 1e3),
+    **dict.fromkeys((x for x in GROUPS["play"] if x != "load_moved"), (0.0, 10.0)),
     "compliance": (-1.0, 1e4),
 }
-"""Numbers that a machine can have after the change."""
+"""Numbers that a machine can have after the change; of lost motion a millimetre, for more is a tooth or a slip."""
 PLAY = -0.5e-4  # one number of lost motion in the gap between the encoders: 0.1 mm, half to either side
 
 
 def mechanisms(
     r: Reference, s: Stretch, name: str, left: dict[tuple[str, str], Floats], since: float
 ) -> dict[str, Acts]:
-    """Return what may act on an axis, columns of shape (n,) or (n, p).
+    """Return what may act on an axis beside what its equations leave, columns of shape (n,) or (n, p).
 
-    Args:
-        r: healthy days.
-        s: a stretch of a log in question.
-        name: of the axis.
-        left: what its equations leave.
-        since: when the stretch begins, in lengths of it, counted through the logs: a drift goes on in the next.
+    ``since``: when the stretch begins, in lengths of it, counted through the logs: a drift goes on in the next.
     """
     c, size = s.axes[name], r.widths[name]["effort"]
     rubs, ramp = c["dry"] + c["viscous"], s.t / s.t[-1]
@@ -180,15 +172,15 @@ def _effort_scaled(
 
 def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:
     twist, place = r.twist(name, c), (c["q"] - c["q"].mean()) * 1e-4
-    # Where the bearing is that a screw grows away from is not known: its load drifts as it grows.
-    grows = np.column_stack([ramp * np.std(place), place * ramp])
-    return {
+    # Where the bearing is that a screw grows away from is not known: its load moves as it grows.
+    scale = np.column_stack([c["one"] * np.std(place), place])
+    moved: dict[str, Acts] = {"load_moved": {"encoders": c["one"] * 1e-4}} if name in r.zeros else {}
+    return moved | {
         "lost_motion": {"encoders": PLAY * c["memory"]},
         "lost_motion_by_load": {"encoders": PLAY * np.tanh(-twist / (0.1 * np.std(twist)))},
-        "lost_motion_by_inertia": {"encoders": PLAY * np.tanh(c["a"] / (0.1 * np.std(c["a"])))},
         "compliance": {"encoders": twist},
-        "encoder_scale": {"encoders": place},
-        "encoder_grows": {"encoders": grows},
+        "encoder_scale": {"encoders": scale if name in r.zeros else place},
+        "encoder_grows": {"encoders": scale * ramp[:, None]},
     }
 
 

@@ -33,6 +33,7 @@ class Reference:
         logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
         twists: axis -> what effort, acceleration, jerk, position and direction do between its two encoders, (5,), SI.
+        zeros: axis -> where its load stands by them beside that [m or rad]; only of several days.
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
         tables: axis, equation -> place and misfit that healthy logs share there.
@@ -44,6 +45,7 @@ class Reference:
     logs: tuple[Stretch, ...]
     laws: Mapping[str, Law]
     twists: Mapping[str, Floats]
+    zeros: Mapping[str, float] = field(default_factory=dict)
     whitenings: Mapping[tuple[str, str], Whitening] = field(default_factory=dict)
     widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     law_widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -70,8 +72,12 @@ class Reference:
                 out[name, "law"] = r - np.median(r)
             if name in self.twists and "gap" in c:
                 r = c["gap"] - _between(c) @ self.twists[name] - self._shared(name, "encoders", c)
-                out[name, "encoders"] = r - np.median(r)
+                out[name, "encoders"] = self.centred(name, r - self.zeros.get(name, 0.0))
         return out
+
+    def centred(self, name: str, gap: Floats) -> Floats:
+        """Return a gap between two encoders, (n,), less its median where nobody knows how their zeros were set."""
+        return gap if name in self.zeros else gap - np.median(gap)
 
     def _shared(self, name: str, equation: str, c: Columns) -> Floats:
         """Return the misfit that healthy logs share at each row's place, shape (n,)."""
@@ -121,7 +127,7 @@ def _between(c: Columns) -> Floats:
 
 def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
     """Return the reference with laws and twists of some logs."""
-    laws, twists = {}, {}
+    laws, twists, zeros = {}, {}, {}
     for name in bare.axes:
         columns = [s.axes[name] for s in logs]
         if all("e" in c for c in columns):
@@ -132,8 +138,11 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
             X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
             scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
             y = np.concatenate([c["gap"] for c in columns])
-            twists[name] = (np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale)[:5]
-    return replace(bare, laws=laws, twists=twists)
+            found = np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale
+            twists[name] = found[:5]
+            if bare.days >= SEVERAL:
+                zeros[name] = float(found[5:].mean())
+    return replace(bare, laws=laws, twists=twists, zeros=zeros)
 
 
 def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
@@ -179,6 +188,7 @@ def _day(
     ]
     (dry, viscous, offset, inertia, snap), rest = _taken_off(each, left)
     seen = {"dry": dry, "viscous": viscous, "friction": 0.5 * (dry + viscous), "offset": offset}
+    seen = {k: min(x, (3.0 * SETTINGS.widths[k]) ** 2) for k, x in seen.items()}
     own = {"inertia": float(np.sqrt(inertia)), "snap": float(np.sqrt(snap)), "effort": size}
     return {**SETTINGS.widths, **_mixed(r, seen), **own}, rest
 
@@ -186,10 +196,10 @@ def _day(
 def _between_days(
     r: Reference, name: str, columns: Sequence[Columns], left: Sequence[Floats]
 ) -> tuple[dict[str, float], list[Floats]]:
-    """Return how far scale and give between two encoders are off on days left out, and what those do not take up."""
+    """Return how far zero, scale and give between two encoders are off on days left out, and what is left then."""
     each = [np.column_stack([c["one"], c["q"] - c["q"].mean(), r.twist(name, c)]) for c in columns]
-    (_, scale, give), rest = _taken_off(each, left)
-    return _mixed(r, {"scale": scale, "give": give}), rest
+    (zero, scale, give), rest = _taken_off(each, left)
+    return _mixed(r, {"zero": zero, "scale": scale, "give": give}), rest
 
 
 def _taken_off(columns: Sequence[Floats], left: Sequence[Floats]) -> tuple[Floats, list[Floats]]:
@@ -208,7 +218,7 @@ def _mixed(r: Reference, seen: Mapping[str, float]) -> dict[str, float]:
     days, count = r.days if r.days >= SEVERAL else 0, SETTINGS.prior_days
 
     def width(x: float, prior: float) -> float:
-        return float(np.sqrt((days * min(x, (3.0 * prior) ** 2) + count * prior**2) / (days + count)))
+        return float(np.sqrt((days * x + count * prior**2) / (days + count)))
 
     return {k: width(x, SETTINGS.widths[k]) for k, x in seen.items()}
 

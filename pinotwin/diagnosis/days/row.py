@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.evidence import Left
-from pinotwin.diagnosis.days.mechanisms import Acts
+from pinotwin.diagnosis.days.mechanisms import TOLD, Acts
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.payload import PLAIN
 from pinotwin.effects import Effect
 
 ALL = "*"
@@ -70,6 +71,14 @@ class Row:
     def rescales(self) -> bool:
         """Whether the effort was read in another unit: the log is put right, and asked again."""
         return self.name == "effort_scale" and "law" in self.by
+
+    @property
+    def refitted(self) -> Row:
+        """What is fitted again with every cause beside it; the gains that follow a body are a healthy day's then."""
+        if self.what != TOLD:
+            return self
+        acts = {a: [{"plant": x["plant"][:, :PLAIN]} for x in each] for a, each in self.acts.items()}
+        return replace(self, acts=acts, count=PLAIN, numbers=self.numbers[:PLAIN])
 
     @property
     def contradicted(self) -> bool:

@@ -28,7 +28,7 @@ class Asked:
 
     def __init__(self, q: Question, found: Sequence[Row] = ()) -> None:
         q = replace(q, reference=_beside(q.reference, found))
-        self.q, self.r, self.found = q, q.reference, tuple(found)
+        self.q, self.r, self.found = q, q.reference, tuple(f.refitted for f in found)
         shapes = _shapes(q, self.found)
         self.tried = Tried(q, found, shapes)
         self.cells = {

@@ -75,26 +75,20 @@ def score(
     count: int,
     prior: Floats | None = None,
     fixed: Floats | None = None,
-    start: Floats | None = None,
 ) -> Scored:
-    """Return the score of a cause.
+    """Return the score of a cause, at the likelier of two maxima: about nothing, and about what equal weights tell.
 
     Args:
         use: equations with the columns of the cause in each, shape (count,).
         count: numbers of the cause.
         prior: their widths, shape (count,); None for none.
         fixed: the numbers, where they are known already.
-        start: numbers about which they are sought, where a cause acts in few cells: nothing by default.
     """
     views = [(c, at, np.flatnonzero(c.log == log)) for c, at in use for log in np.unique(c.log)]
     gram, rows, fold = _stacked(views, count)
     penalty = 1e-8 * np.eye(count) if prior is None else np.diag(1.0 / np.square(prior))
-    nu, x = SETTINGS.freedom, np.zeros((len(views), 1, gram.shape[-1]))
-    # From nothing explained: from equal weights a narrow prior is broken at any price.
-    x[..., -count - 1 :] = np.r_[np.zeros(count) if start is None else -start, 1.0]
-    for _ in range(4):
-        x, _, _ = _solved(gram, (nu + rows) / (nu + _left(gram, x)), penalty, fixed)
-    weights = (nu + rows) / (nu + _left(gram, x))
+    x = _likeliest(gram, rows, penalty, fixed)
+    weights = (SETTINGS.freedom + rows) / (SETTINGS.freedom + _left(gram, x))
     without = fold != np.arange(SETTINGS.folds)[:, None]
     x, theta, information = _solved(gram, np.hstack([weights, weights * without]), penalty, fixed)
     left, whose = _left(gram, x), [c.log[own[0]] for c, _, own in views]
@@ -109,6 +103,28 @@ def score(
     covariance = np.linalg.pinv(information[0]) if count else np.zeros((0, 0))
     days = [own[: c.day] for own, (c, _, _) in zip(x[:, 0], views, strict=True)]
     return Scored(held, full, theta[0], covariance, days, costs)
+
+
+def _likeliest(gram: Floats, rows: Floats, penalty: Floats, fixed: Floats | None) -> Floats:
+    """Return the residual combinations (v, 1, p) that are most probable.
+
+    A day has none of its own at the start, for by equal weights a narrow prior is broken at any price. Nor has a
+    cause; but what explains the loud cells may leave the quiet ones worse, and is looked for from its own numbers.
+    """
+    nu, count = SETTINGS.freedom, len(penalty)
+    starts = np.zeros((1, count))
+    if count and fixed is None:
+        _, equal, _ = _solved(gram, np.ones_like(rows), penalty, None)
+        starts = np.vstack([starts, equal])
+    x = np.zeros((len(gram), len(starts), gram.shape[-1]))
+    x[..., -count - 1 :] = np.column_stack([-starts, np.ones(len(starts))])
+    for _ in range(4):
+        x, theta, _ = _solved(gram, (nu + rows) / (nu + _left(gram, x)), penalty, fixed)
+        if len(theta) > 1:  # one step tells which is the likelier
+            prior = np.sum(x[..., : -count - 1] ** 2, axis=(0, 2)) + np.sum(theta @ penalty * theta, axis=1)
+            best = int(np.argmax(density(_left(gram, x), rows).sum(axis=(0, 2)) - 0.5 * prior))
+            x = x[:, [best]]
+    return x
 
 
 def _stacked(views: Sequence[tuple[Cells, Ints, Ints]], count: int) -> tuple[Floats, Floats, Ints]:

@@ -36,8 +36,9 @@ BAR = 14.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
 """By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
 [nats]: so the mean probability of 94 causes of known machines was the share of those that were right."""
-STRONGER = 2.5
-"""Times what the strongest push in a twin's own logs closes, squared, that one of a change must close."""
+STRONGER = (
+    2.5  # Times what the strongest push in a twin's own logs closes, squared, that one of a change must
+)
 LAPSE = 0.04  # Of the names that were wrong whatever their score: 5 of 125 on known machines
 FEW = 3  # Numbers by which nobody follows any rest of a form
 QUIET = 0.003  # Of the effort's variation, RMS: an axis that leaves less is not asked
@@ -123,8 +124,9 @@ class Finder:
             # A twin's misfit comes and goes as pushes do: the strongest must close more than that of its own logs.
             if j not in self.usual:
                 self.usual[j] = _strongest(g.past, j, pushed(g.past, j))[1]
-            total, closes = _strongest(g, j, columns)
-            one = replace(one, news=total if closes > STRONGER * self.usual[j] else 0.0)
+            worth, closes = _strongest(g, j, columns)
+            worth *= closes > STRONGER * self.usual[j]
+            one = replace(one, price=one.price + one.total - worth)
         elif one is not None:
             one = replace(one, price=one.price + SETTINGS.place * len(columns) - chance(g, j, columns))
         return {j}, [one] if one is not None and one.possible else []
@@ -132,8 +134,7 @@ class Finder:
 
 def _strongest(g: Ground, j: int, columns: Sequence[Floats]) -> tuple[float, float]:
     """Return what the strongest of some pushes on a joint is worth [nats], and what it closes; none, of none."""
-    g = g.fine(j)
-    one = pushes_of(g, j, columns[:1])
+    one = pushes_of(g := g.fine(j), j, columns[:1])
     return (0.0, 0.0) if one is None else (one.total, g.base[j].left[j] - one.fit.left[j])
 
 
@@ -251,12 +252,11 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         form = TRACE * max((y.worth for y in told if y.joint == x.joint), default=0.0)
         if x.count <= FEW:
             form *= float(np.sqrt(np.clip(1.0 - x.share, 0.0, 1.0)))
-        gain = x.total if x.news is None else x.news
-        if x.searched:  # pushes must close more than anything that comes with the motion
-            others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
-            gain = gain if x.share > rest * max(others, default=0.0) else 0.0
-        least = g.least(x.joint, least_share("time" if x.searched else "form"))
-        return gain > BAR and x.loud > least and x.worth > form and x.share > LEAST
+        # pushes must close more than anything that comes with the motion
+        others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
+        closes = max(LEAST, rest * max(others, default=0.0) if x.searched else 0.0)
+        least = g.least(x.joint, least_share("time" if x.searched and g.past is None else "form"))
+        return x.total > BAR and x.loud > least and x.worth > form and x.share > closes
 
     new = [x for x in ranked if (x.name, x.axis) not in known or (x.effect and named(x.effect).several)]
     able = [x for x in new if stands(x)]

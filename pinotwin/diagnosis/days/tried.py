@@ -30,7 +30,7 @@ from pinotwin.diagnosis.days.stretch import Stretch, combined
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
-MISREAD = ("friction", "onset", "offset", "time", "place", "form")
+MISREAD = ("friction", "onset", "offset", "time", "form")
 """Groups of causes that a reading of the effort may show and the machine not have."""
 
 
@@ -80,7 +80,7 @@ class Tried:
                 told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
                 each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
             for n, f in enumerate(self.found):
-                _put(each, f"found:{n}", f.acts.get(name, ()))
+                _put(each, f"found:{n}", f.refitted.acts.get(name, ()))
             out[name] = _shared(each)
         return out
 

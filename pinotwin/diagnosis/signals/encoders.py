@@ -132,11 +132,10 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     rows = _rows(motion, joint)
     if len(rows) < 200 or not np.ptp(ql[rows]) > 0.0:
         return None
-    d = q - ql
+    d, long = q - ql, [s for s in motion.segments if s.stop - s.start > 30]
     rate = np.zeros_like(d)
-    for s in motion.segments:
-        if s.stop - s.start > 2:
-            rate[s] = np.gradient(d[s], motion.step)
+    for s in long:
+        rate[s] = np.gradient(d[s], motion.step)
     x = ql[rows]
     places = np.linspace(x.min(), x.max(), KNOTS) if knots is None else knots
     hats = np.stack([np.interp(x, places, e) for e in np.eye(len(places))[1:]], axis=1)
@@ -144,23 +143,13 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
         "zero": np.ones((len(rows), 1)),
         "lag": v[rows, None],
         "spring": np.stack([u[rows], a[rows], rate[rows]], axis=1),
-        "lost": _filtered(motion, np.sign(v))[rows, None],
+        "lost": low_pass(np.sign(v)[:, None], 1.0 / motion.step, motion.cutoff, segments=long)[rows],
         "table": hats,
     }
     step = motion.step * max(1.0, len(motion) / len(rows))
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
     blocks, low, travel = blocks_of(len(rows), step), float(x.min()), float(np.ptp(x))
     return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, low, travel)
-
-
-def _filtered(motion: Motion, x: Floats) -> Floats:
-    """Return a signal (n,) after the low-pass that the positions went through, stretch by stretch."""
-    out = x.copy()
-    rate = 1.0 / motion.step
-    for s in motion.segments:
-        if motion.cutoff < 0.45 * rate and s.stop - s.start > 30:
-            out[s] = low_pass(x[s], rate, motion.cutoff)
-    return out
 
 
 def _elsewhere(new: _Twist, own: _Twist | None) -> tuple[_Twist, _Twist | None]:
