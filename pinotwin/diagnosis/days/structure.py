@@ -36,9 +36,7 @@ BAR = 14.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
 """By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
 [nats]: so the mean probability of 94 causes of known machines was the share of those that were right."""
-STRONGER = (
-    2.5  # Times what the strongest push in a twin's own logs closes, squared, that one of a change must
-)
+STRONGER = 2.5  # Times what a twin's own strongest push closes, squared, that one of a change must close
 LAPSE = 0.04  # Of the names that were wrong whatever their score: 5 of 125 on known machines
 FEW = 3  # Numbers by which nobody follows any rest of a form
 QUIET = 0.003  # Of the effort's variation, RMS: an axis that leaves less is not asked
@@ -134,7 +132,8 @@ class Finder:
 
 def _strongest(g: Ground, j: int, columns: Sequence[Floats]) -> tuple[float, float]:
     """Return what the strongest of some pushes on a joint is worth [nats], and what it closes; none, of none."""
-    one = pushes_of(g := g.fine(j), j, columns[:1])
+    g = g.fine(j)
+    one = pushes_of(g, j, columns[:1])
     return (0.0, 0.0) if one is None else (one.total, g.base[j].left[j] - one.fit.left[j])
 
 
