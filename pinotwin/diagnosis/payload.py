@@ -16,7 +16,6 @@ from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, pse
 from pinotwin.twin import Twin
 
 LEAST = 1e-3  # Mass that stays on a link from which more was taken off than the model has there [kg]
-PLAIN = 5  # Numbers of a body with one inertia about all axes
 UNKNOWN = 0.3  # Standard error from which a centre of mass is not determined [m]
 
 
@@ -90,7 +89,7 @@ def physical(pi: Floats) -> Floats:
 
 def plain_body(numbers: Floats) -> Floats:
     """Return the ten parameters of a body from mass, first moments and one inertia about all axes, those first (5,)."""
-    m, x, y, z, inertia = numbers[:PLAIN]
+    m, x, y, z, inertia = numbers[:5]
     return np.array([m, x, y, z, inertia, 0.0, inertia, 0.0, 0.0, inertia])
 
 

@@ -16,7 +16,8 @@ class Settings:
         number: what one more number costs [nats]. place: what a place or an instant costs, for it was searched [nats].
         widths: prior width of a healthy day: friction parts over their size, offset over the effort's RMS, a delay in
             half cycles; zero [m or rad] and scale between two encoders, and give of what lies between over its size.
-        share: of the effort, below which a cause is not worth a word; five times that of what acts for a while.
+        share: of the effort, below which a cause is not worth a word, five times that of what acts for a while; of a
+            squared residual that others close, below which a further one is none.
         told: the least number worth a word, by group: of a gain its change, of two encoders tenths of a millimetre.
         likely: probability of a cause that has acted from which it is named.
         prior_days: how many days that prior counts for.

@@ -176,9 +176,9 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
-    if group_of(name) == "play" and name != "load_moved":
-        return "backlash.gap", 0.0, 1e-4, at.length
     found = table.get(name)
+    if found is None and group_of(name) == "play":
+        return "backlash.gap", 0.0, 1e-4, at.length
     plain = found is None or (name == "position_gain" and not kp)
     return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
 

@@ -89,7 +89,7 @@ POSSIBLE = {
     "proportional_gain": (-0.9, 9.0),
     "velocity_feedforward": (-2.0, 9.0),
     "acceleration_feedforward": (-4.0, 9.0),
-    **dict.fromkeys((x for x in GROUPS["play"] if x != "load_moved"), (0.0, 10.0)),
+    **dict.fromkeys((x for x in GROUPS["play"] if x.startswith("lost_motion")), (0.0, 10.0)),
     "compliance": (-1.0, 1e4),
 }
 """Numbers that a machine can have after the change; of lost motion a millimetre, for more is a tooth or a slip."""

@@ -13,7 +13,6 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.mechanisms import TOLD, Acts
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
-from pinotwin.diagnosis.payload import PLAIN
 from pinotwin.effects import Effect
 
 ALL = "*"
@@ -77,8 +76,9 @@ class Row:
         """What is fitted again with every cause beside it; the gains that follow a body are a healthy day's then."""
         if self.what != TOLD:
             return self
-        acts = {a: [{"plant": x["plant"][:, :PLAIN]} for x in each] for a, each in self.acts.items()}
-        return replace(self, acts=acts, count=PLAIN, numbers=self.numbers[:PLAIN])
+        body = self.count - sum("law" in each[0] for each in self.acts.values())  # one gain a law
+        acts = {a: [{"plant": x["plant"][:, :body]} for x in each] for a, each in self.acts.items()}
+        return replace(self, acts=acts, count=body, numbers=self.numbers[:body])
 
     @property
     def contradicted(self) -> bool:
