@@ -12,8 +12,9 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
-from pinotwin.diagnosis.days.judge import _named, evidence
+from pinotwin.diagnosis.days.judge import evidence, likeliest
 from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
@@ -186,10 +187,51 @@ def test_beside_a_cause_that_was_found_a_hundredth_of_it_is_noise(known_days: Re
     assert after["A", "plant"] is before["A", "plant"]
 
 
+def test_a_further_cause_is_measured_beside_those_that_were_found(known_days: Reference) -> None:
+    """What the first cause closed is no longer open: the next closes a part of the rest."""
+    q = Question.of(known_days, [s for s in known_days.logs if s.log == 0])
+    axes = [s.axes["X"] for s in q.logs]
+    rest = [3.0 * np.sin(9.0 * s.t) for s in q.logs]
+    made = [200.0 * c["v"] + y for c, y in zip(axes, rest, strict=True)]
+    whole, last = (
+        replace(q, left=[{**x, ("X", "plant"): x["X", "plant"] + y} for x, y in zip(q.left, z, strict=True)])
+        for z in (made, rest)
+    )
+    acts = [{"plant": c["v"][:, None]} for c in axes]
+    found = replace(_friction("viscous", 60.0), acts={"X": acts}, numbers=np.array([200.0]))
+    alone, beside = Asked(whole), Asked(whole, [found])
+    assert beside.open["X", "plant"] < 1.2 * Asked(last).open["X", "plant"] < 0.01 * alone.open["X", "plant"]
+    assert beside.open["A", "plant"] == alone.open["A", "plant"]
+
+
+def test_what_gains_follow_is_as_large_as_its_effort(known_days: Reference) -> None:
+    """A body whose gains explain a controller, and which weighs nothing, is none."""
+    q = Question.of(known_days, [s for s in known_days.logs if s.log == 0])
+    law = [
+        {**x, ("X", "law"): x["X", "law"] + 0.5 * s.axes["X"]["u"]}
+        for s, x in zip(q.logs, q.left, strict=True)
+    ]
+    assert not [r for r in Asked(replace(q, left=law)).rows() if r.name == "payload" and r.score > 0.0]
+
+
+def test_instants_are_dearer_by_their_number_but_for_their_order() -> None:
+    each = [instants(k) for k in range(1, 5)]
+    assert each[0] == pytest.approx(8.0)
+    assert np.diff(each) == pytest.approx(8.0 - np.log([2.0, 3.0, 4.0]))
+
+
+def test_a_screen_names_one_cause_at_most(folder: Path, twin: pt.Twin) -> None:
+    day = Day(command=30, noise=40, friction={"X": 0.3}, kp={"A": 0.6})
+    log = str(write(folder, "two", day))
+    assert len(pt.diagnose(twin, log).effects) > 1
+    assert len(pt.diagnose(twin, log, quick=True).effects) == 1
+
+
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:
     rows = [_friction("friction_scale", 60.0), _friction("coulomb", 59.5), _friction("viscous", 20.0)]
     case = Case.of(rows, {}, {"X": 0.01}, 2, first=True)
-    found = _named(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]), 0)
+    found = likeliest(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]))
+    assert found is not None
     assert found.row.name == "friction_scale"
     assert found.probability == pytest.approx(0.94 / 0.98)
     assert [r.name for r in found.alike] == ["coulomb"]

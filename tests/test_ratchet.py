@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_059,
+    lines: 55_057,
     module_numbers: 105,
     numbers_without_unit: 291,
     stories: 5,

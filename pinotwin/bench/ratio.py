@@ -48,9 +48,8 @@ def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Power
     still = replace(machine, truth=replace(machine.truth, scatter=0.0))
     sensors = run(still, path, noise=True).minus(clean)
     sigma = machine.truth.scatter
-    parts = [sensors]
-    for level in ("coulomb", "viscous") if sigma > 0.0 else ():
-        parts.append(run(_scaled(machine, level, 1.0 + sigma), path).minus(clean))
+    levels = ("coulomb", "viscous") if sigma > 0.0 else ()
+    parts = [sensors, *(run(_scaled(machine, x, 1.0 + sigma), path).minus(clean) for x in levels)]
     return {
         a: {s: float(sum(np.mean(p[a][s] ** 2) for p in parts)) for s in ("u", "e")} for a in machine.axes
     }

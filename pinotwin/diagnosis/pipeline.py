@@ -83,22 +83,24 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin))
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
+    options["false_alarm"] = false_alarm
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
     shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
     more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
-    found = diagnosed(c, more, {**options, "false_alarm": false_alarm})
+    found = diagnosed(c, more, options)
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
             c = compare(subject, logs, unseen)  # no law of a controller tells the runs apart
-        found = _by_structure(c, subject, shaken, tell, options)
+        found = _by_structure(c, shaken, tell, options)
     found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
-    return replace(found, prepared=c.among(logs), sealed=c.validation)
+    made = provenance(subject, c.logs, c.validation, **options)
+    return replace(
+        found, subject=subject, quick=quick, provenance=made, prepared=c.among(logs), sealed=c.validation
+    )
 
 
-def _by_structure(
-    c: Comparison, subject: Machine | Twin, shaken: Vibrations, tell: Tell, options: Mapping[str, Any]
-) -> Diagnosis:
+def _by_structure(c: Comparison, shaken: Vibrations, tell: Tell, options: Mapping[str, Any]) -> Diagnosis:
     """Return the diagnosis by the effects of the catalogue, each held against what the twin's own may take up."""
     leave_out, quick = options["leave_out"], options["quick"]
     tell("candidates", 0.15)
@@ -114,9 +116,7 @@ def _by_structure(
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}
     named = at_one_gap([*named, *limited, *shaken.effects], others)
-    result = _concluded(c, found, account, gaps, kind, named)
-    result = _with_encoders(replace(result, subject=subject, quick=quick), measured)
-    return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
+    return _with_encoders(_concluded(c, found, account, gaps, kind, named), measured)
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:

@@ -18,6 +18,7 @@ class Settings:
             half cycles; zero [m or rad] and scale between two encoders, and give of what lies between over its size.
         share: of the effort, below which a cause is not worth a word, five times that of what acts for a while; of a
             squared residual that others close, below which a further one is none.
+        trace: of what a cause does, RMS, so much may be left of it because its form is not quite right.
         told: the least number worth a word, by group: of a gain its change, of two encoders tenths of a millimetre.
         likely: probability of a cause that has acted from which it is named.
         prior_days: how many days that prior counts for.
@@ -31,6 +32,7 @@ class Settings:
     number: float = 2.0
     place: float = 8.0
     share: float = 0.01
+    trace: float = 1.0 / 3.0
     told: dict[str, float] = field(default_factory=lambda: {"law": 0.01, "play": 0.02, "encoder": 0.02})
     likely: float = 0.5
     prior_days: int = 3

@@ -115,8 +115,7 @@ def warnings(
             f"condition number {quality['condition']:.1e}: some parameters trade off against each "
             "other; more varied motion would part them"
         )
-    for group in quality["not_separable"]:
-        out.append(f"not separable on this log: {', '.join(group)}")
+    out += [f"not separable on this log: {', '.join(group)}" for group in quality["not_separable"]]
     for name, row in quality.get("one_speed", {}).items():
         effort, speed = ("N·m", "rad/s") if rotary[name] else ("N", "m/s")
         size = f"{row['effort']:.4g} ± {row['half']:.2g} {effort} at {row['speed']:.3g} {speed}"

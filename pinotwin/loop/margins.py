@@ -71,8 +71,7 @@ def _sections(values: Floats, outputs: Floats, inputs: Floats) -> tuple[tuple[Se
         sections.append(Section(f"wn{j + 1}", 2, (wn, float(-values[i].real / wn))))
     columns = []
     for w in range(inputs.shape[1]):
-        for i in real:
-            columns.append((outputs[:, i] * inputs[i, w]).real / -values[i].real)
+        columns += [(outputs[:, i] * inputs[i, w]).real / -values[i].real for i in real]
         for i in pairs:
             residue, wn = outputs[:, i] * inputs[i, w], math.hypot(values[i].real, values[i].imag)
             columns.append(-2.0 * (residue * np.conj(values[i])).real / wn**2)

@@ -198,12 +198,9 @@ def unused(sensors: Sequence[Sensor], prior: Priors) -> tuple[Unused, ...]:
 
 
 def _pair(fitted: Sensor, other: Sensor, prior: Priors) -> Unused:
-    rows = []
-    for mine in fitted.runs:
-        for theirs in other.runs:
-            if theirs.run == mine.run and np.array_equal(theirs.piece.rows, mine.piece.rows):
-                rows.append(_one(mine, theirs, other, prior))
-    x = np.square(rows)
+    pairs = [(x, y) for x in fitted.runs for y in other.runs if x.run == y.run]
+    same = [(x, y) for x, y in pairs if np.array_equal(x.piece.rows, y.piece.rows)]
+    x = np.square([_one(mine, theirs, other, prior) for mine, theirs in same])
     count = np.isfinite(x).sum(axis=0)  # the noise is unknown where no log has a rest
     mean = np.where(count > 0, np.nansum(x, axis=0) / np.maximum(count, 1), np.nan)
     return Unused(fitted.name, other.name, *np.sqrt(mean))

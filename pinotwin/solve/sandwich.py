@@ -88,9 +88,8 @@ def left_out(J: Floats, e: Floats, inverse: Floats, block: int) -> Floats:
     See :mod:`pinotwin.solve.covariance`; ``inverse`` is that of A, (p, p).
     """
     L = np.linalg.cholesky(inverse)
-    scores = []
-    for rows in np.array_split(np.arange(len(e)), max(2, len(e) // max(block, 1))):
-        scores.append(moved(J[rows].reshape(-1, J.shape[2]) @ L, e[rows].ravel(), 0.25))
+    each = np.array_split(np.arange(len(e)), max(2, len(e) // max(block, 1)))
+    scores = [moved(J[rows].reshape(-1, J.shape[2]) @ L, e[rows].ravel(), 0.25) for rows in each]
     s = np.linalg.solve(L.T, np.array(scores).T)
     return np.asarray(s @ s.T)
 

@@ -170,8 +170,8 @@ def stiffest(axes: Axes, M: Floats) -> float:
     squares = [0.0]
     for P, mobile in zip(axes.P, light[axes.joint], strict=True):
         motor = P[c.INV_ROTOR] if P[c.FLEXIBLE] > 0.5 else mobile
-        squares.append(P[c.BRISTLE] * motor if P[c.LAW] != c.NONE else 0.0)
-        squares.append(P[c.SPRING] * (P[c.INV_ROTOR] + mobile))
+        bristle = P[c.BRISTLE] * motor if P[c.LAW] != c.NONE else 0.0
+        squares += [bristle, P[c.SPRING] * (P[c.INV_ROTOR] + mobile)]
     for S, mobile in zip(axes.springs, light[axes.sprung], strict=True):
         squares.append((S[c.STIFFNESS] + S[c.SLIP_STIFFNESS]) * mobile)
     return float(np.sqrt(max(squares)))

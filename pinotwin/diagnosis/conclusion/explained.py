@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,13 @@ class Closed:
         """Return what two causes close together."""
         both = self.promised + other.promised
         return Closed(self.before, self.gained + other.gained, both, self.on)
+
+
+def rival(effect: str, axis: str, probability: float, share: float, score: float) -> dict[str, Any]:
+    """Return what else a cause may be, in the form of the contract: share that it closes [1], score [nats]."""
+    why = f"its score is {score:.0f}, in natural logarithms of likelihood"
+    share = min(max(share, 0.0), 1.0)
+    return {"effect": effect, "axis": axis, "probability": probability, "share": share, "why": why}
 
 
 RESAMPLES = 1000

@@ -27,10 +27,9 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
         unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
     verdict: Verdict = "partly_explained" if found.effects else "unexplained"
     parts = [] if found.recording else said
+    told = [found.sentence, *parts]
     if found.verdict == "none":  # that nothing was found stands first, and does not hold
         told = [*parts, *found.sentence.split(". ")[1:]]
-    else:
-        told = [found.sentence, *parts]
     return replace(found, verdict=verdict, sentence=". ".join(told), unexplained=unexplained)
 
 

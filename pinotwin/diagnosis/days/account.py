@@ -12,7 +12,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.conclusion.explained import Closed
+from pinotwin.diagnosis.conclusion.explained import Closed, rival
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.data.samples import ROW_RATE
 from pinotwin.diagnosis.days.ground import Ground
@@ -208,13 +208,7 @@ def _found(x: Told, levels: Mapping[int, float]) -> Found:
 def _rivals(x: Told) -> Sequence[Mapping[str, Any]]:
     """Return other effects with their probability, the most probable first."""
     return [
-        {
-            "effect": r.name,
-            "axis": r.axis,
-            "probability": p,
-            "share": float(np.clip(r.share, 0.0, 1.0)),
-            "why": f"its score is {r.total:.0f}, in natural logarithms of likelihood",
-        }
+        rival(r.name, r.axis, p, r.share, r.total)
         for r, p in x.turn.probabilities()
         if p > 0.005 and not isinstance(r.effect, Pattern) and (r.name, r.axis) != (x.one.name, x.one.axis)
     ][:5]

@@ -14,8 +14,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.conclusion.advice import advise
-from pinotwin.diagnosis.conclusion.explained import Closed
-from pinotwin.diagnosis.conclusion.provenance import provenance
+from pinotwin.diagnosis.conclusion.explained import Closed, rival
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gap
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
@@ -173,7 +172,8 @@ class Answer:
         if row.form is not None:
             names = [x.name for x in row.form.shapes()]
             shape = dict(zip(names, row.form.shape_values(), strict=True))
-        rivals = [self._rival(y, p) for y, p in x.rivals if p > 0.005]
+        each = [(y, axis_of(y, self.r), p, max([0.0, *y.closed.values()])) for y, p in x.rivals if p > 0.005]
+        rivals = [rival(effect_of(y.name), where, p, share, y.score) for y, where, p, share in each]
         return Found(
             effect=effect_of(row.name),
             axis=axis,
@@ -188,17 +188,14 @@ class Answer:
             listed=None if row.form is None else named(row.form),
         )
 
-    def closes(self, x: Named) -> float:
-        """Return the largest share that a cause closes of any effort or twist [1]; 1 of a controller's number."""
-        found = self.told(x)
-        shares = [s.share for k, s in {**found.acts, **found.shrink}.items() if k != "law"]
-        return max(shares, default=1.0)
-
-    def _rival(self, row: Row, p: float) -> dict[str, Any]:
-        axis = axis_of(row, self.r)
-        share = float(np.clip(max([0.0, *row.closed.values()]), 0.0, 1.0))
-        why = f"its score is {row.score:.0f}, in natural logarithms of likelihood"
-        return {"effect": effect_of(row.name), "axis": axis, "probability": p, "share": share, "why": why}
+    def adds(self, x: Named) -> bool:
+        """Whether a cause closes more of any effort or twist than the form of another leaves, or acts on neither."""
+        efforts = [("plant", {id(who): c.share for who, c in each}) for each in self.closed.values()]
+        twists = [("encoders", {k: s.share for k, s in each.items()}) for _, each in self.between.values()]
+        acts = [(e, shares) for e, shares in (*efforts, *twists) if id(x) in shares]
+        rest = {e: SETTINGS.trace**2 * (1.0 - closed) for e, closed in x.row.closed.items()}
+        large = [s[id(x)] > max(SETTINGS.share, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
+        return any(large) or not acts
 
     def _law(self, row: Row, axis: str) -> Shrink:
         """Return how far the residual of the controller's law shrinks."""
@@ -354,11 +351,10 @@ def _judged(
         shown = told and effect not in options["leave_out"] and (asked or not servo)
         return row.group == "describe" or shown
 
-    decision = trained()
-    q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
     if _proofs(c):
         return Judged([], False, None, [], {}, [])
-    return judge(q, decision, decision.limit(options["false_alarm"], r.days), admits)
+    q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
+    return judge(q, trained(), options["false_alarm"], admits, 1 if options["quick"] else 4)
 
 
 def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
@@ -374,7 +370,7 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     r = r if lawful else r.without_laws()
     valid = valid if valid is not None and valid.stretches else None
     a = Answer(c, r, _judged(c, r, new, valid, options), new, valid)
-    shown = [x for x in a.named if a.closes(x) > SETTINGS.share]
+    shown = [x for x in a.named if a.adds(x)]
     if 0 < len(shown) < len(a.named):  # what others close needs no further name
         a = Answer(c, r, replace(a.judged, named=[*a.recorded, *shown]), new, valid)
     return a
@@ -386,7 +382,7 @@ def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) 
     Args:
         c: twin and logs, compared.
         more: causes that other signals have shown.
-        options: of :func:`pinotwin.diagnose`, for the record, too.
+        options: of :func:`pinotwin.diagnose`.
     """
     a = _answer(c, options)
     if a is None:
@@ -398,8 +394,7 @@ def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) 
         c = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation], pooled=True)
         c, differ = replace(c, kept=tuple(kept)), [names[k] for k in kept]
         a = _answer(c, options) or a
-    made = provenance(c.twin, c.logs, c.validation, **options)
-    return replace(_told(a, more, differ), quick=options["quick"], provenance=made)
+    return _told(a, more, differ)
 
 
 def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
@@ -430,7 +425,6 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         shrink={n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()},
         traces=a.traces(),
         machine=c.machine.name,
-        subject=c.twin,
         recording=a.recording(),
         detectable=[*map(asdict, a.judged.detectable)],
         evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],

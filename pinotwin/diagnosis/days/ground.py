@@ -171,14 +171,14 @@ class Ground:
         """Return the ground of a comparison, at about so many rows a second [Hz]."""
         past = None
         if c.change and c.own is not None:
-            own = [_thin(c, c.own, own_residual(c.twin), rate)]
+            own = [_thin(c.own, own_residual(c.twin), rate)]
             past = cls(c, own, _known(c, own))
             for j in own[0].joints:
                 past._lay(j)
         samples = list[Sample]()
         for s in (c.new, c.unseen):
             if s is not None:
-                thin = _thin(c, s, s.motion.u - c.twin.effort(s.motion), rate)
+                thin = _thin(s, s.motion.u - c.twin.effort(s.motion), rate)
                 samples.append(within(thin, samples[0], c.twin) if samples else thin)
         out = cls(c, samples, _known(c, samples), past=past)
         for j in samples[0].joints:
@@ -425,7 +425,7 @@ class Ground:
         return float(np.sqrt(max(self.base[j].left[j], 0.0) / count) / max(size, 1e-300))
 
 
-def _thin(c: Comparison, s: Sample, residual: Floats, rate: float) -> Sample:
+def _thin(s: Sample, residual: Floats, rate: float) -> Sample:
     own = s.motion.decimation  # whole ones of its rows, for what swings is screened on these
     count = own * max(round(1.0 / (s.motion.step * own * rate)), 1)
     motion = replace(s.motion, decimation=count)

@@ -117,11 +117,12 @@ def case_of(
 
 
 def judge(
-    q: Question, decision: Decision, limit: float, admits: Callable[[Row], bool] = bool, most: int = 4
+    q: Question, decision: Decision, false_alarm: float, admits: Callable[[Row], bool] = bool, most: int = 4
 ) -> Judged:
-    """Return what has changed: causes are named while P(nothing) [1] is below a limit."""
+    """Return what has changed: ``most`` causes, while one is more probable than at a rate of false alarms [1]."""
+    limit = decision.limit(false_alarm, q.reference.days)
     found: list[Named] = []
-    first: tuple[list[Row], Asked] | None = None
+    questions = list[tuple[list[Row], Asked]]()
     unknown, described, possible = False, None, list[Named]()
     # A validation log is held against the first question alone: what it refutes there stays refuted.
     refuted: set[tuple[str, str, str]] = set()
@@ -133,50 +134,49 @@ def judge(
         case, rows, asked = evidence(q, [x.row for x in found], stands)
         refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
         P = decision.probabilities(case)
-        first = first or (rows, asked)
+        questions.append((rows, asked))
         if P[0] >= limit:
             break
-        best = int(np.argmax(np.log(P[1:] + 1e-300).round(1)))  # of two alike the first that is listed
-        if best == 0:
-            unknown, described = True, next(iter(case.described), None)
-            break
-        one = _named(case, P, best - 1)
-        if one.probability < SETTINGS.likely:
-            unknown, described, possible = True, next(iter(case.described), None), [one]
+        one = likeliest(case, P)
+        if one is None or one.probability < SETTINGS.likely:
+            unknown, described, possible = True, next(iter(case.described), None), [one] if one else []
             break
         found.append(one)
-        if found[-1].row.group in ("recording", "limit"):
+        if one.row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
-    assert first is not None
-    rows, asked = first
+    rows, asked = questions[0]
     could = detectable(asked, decision.bars[known(q.reference.days)])
     return Judged(found, unknown, described, rows, asked.open, could, possible)
 
 
-def _named(case: Case, P: Floats, best: int) -> Named:
-    """Return the best cause: rows of one effect are one name, those of one kind of change on its axis one class.
+def likeliest(case: Case, P: Floats) -> Named | None:
+    """Return the best cause; None where it is rather something unknown.
 
-    So are numbers of the controller that are as probable but for the price of one number: not told apart.
+    Rows of one effect are one name, those of one kind of change on its axis one class. So are numbers of the controller
+    that are as probable but for the price of one number: not told apart. What acts elsewhere may be true as well.
     """
+    best = int(np.argmax(np.log(P[1:] + 1e-300).round(1))) - 1  # of two alike the first that is listed
+    if best < 0:
+        return None
     one, p = case.causes[best], P[2:]
     near = p > p[best] * np.exp(-SETTINGS.number)
     same = np.array([(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes])
     kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
     kin |= near & [(r.group, r.axis) == (one.group, one.axis) for r in case.causes]
-    order = [int(k) for k in np.argsort(-p) if not same[k]]
+    meets = kin | [_meet(r, one) for r in case.causes]
+    order = [int(k) for k in np.argsort(-p) if meets[k] and not same[k]]
     rivals = [(case.causes[k], float(p[k])) for k in order[:4]]
     alike = [case.causes[k] for k in order if kin[k] and near[k]]
-    return Named(one, float(p[kin].sum() / max(1.0 - P[0], 1e-9)), rivals, alike)
+    return Named(one, float(p[kin].sum() / max(P[1] + p[meets].sum(), 1e-9)), rivals, alike)
+
+
+def _meet(a: Row, b: Row) -> bool:
+    return (a.axis == b.axis or ALL in (a.axis, b.axis)) and not (a.by.keys() & b.by.keys()) <= {"day"}
 
 
 def family(name: str) -> str:
     """Return what one change of a machine goes by: a second name of it on the same axis would be the same change."""
     group = group_of(name)
-    one = {"onset": "friction", "cross": "friction", "time": "local", "place": "local"}.get(group, group)
-    apart = {
-        "offset": name.startswith("zero"),
-        "scale": name == "effort_late",
-        "law": True,
-        "recording": True,
-    }
-    return name if apart.get(group, False) else one
+    if group in ("law", "recording") or name.startswith("zero") or name == "effort_late":
+        return name
+    return {"onset": "friction", "cross": "friction", "time": "local", "place": "local"}.get(group, group)

@@ -204,29 +204,30 @@ def _levels(each: Sequence[Drive], slope: float) -> set[float]:
 
 
 def limit_row(each: Sequence[Drive], before: Mapping[str, Cells], r: Reference) -> Row | None:
-    """Return the row of the limit of a drive in some stretches, from its cells ``before``; None where it has none."""
+    """Return the row of a drive's limit, None of none: it closes what the law with its constants, unlimited, leaves."""
     found, name = bounded(each), each[0].name
     if found is None:
         return None
     pairs = list(zip(each, found.parts, strict=True))
-    left = [{(name, "law"): d.left if x is None else x[0]} for d, x in pairs]
-    after = cells(r, [d.s for d in each], left, name)
+    parts = [(d.left, d.left) if x is None else (d.left_by(x[1]), x[0]) for d, x in pairs]
+    free, after = (
+        cells(r, [d.s for d in each], [{(name, "law"): x[k]} for x in parts], name) for k in (0, 1)
+    )
     most = min(found.level, max(float(d.raw[1].max()) for d in each))
-    row = again("limit", name, ({name: before}, {name: after}), most, found.price)
+    rows = [again("limit", name, ({name: x}, {name: after}), most, found.price) for x in (before, free)]
     spans = [
         (k, float(d.s.t[rows.start]), float(d.s.t[rows.stop - 1]))
         for k, (d, x) in enumerate(pairs)
         for rows in (() if x is None else runs(np.isnan(x[1])))
     ]
     since = [min(a for n, a, _ in spans if n == k) for k in sorted({n for n, _, _ in spans})]
-    return replace(row, group="limit", since=since, spans=spans)
+    return replace(rows[0], closed=rows[1].closed, group="limit", since=since, spans=spans)
 
 
 def limit_rows(asked: Asked) -> list[Row]:
     """Return the rows of drives at their limit."""
-    q, out = asked.q, []
-    for name in asked.r.axes:
-        if (name, "law") in q.left[0]:
-            each = drives(asked.r, q.logs, [x[name, "law"] for x in q.left], name)
-            out.append(limit_row(each, asked.cells[name], asked.r))
-    return [x for x in out if x is not None]
+    r, q = asked.r, asked.q
+    lawful = [k for k in r.axes if (k, "law") in q.left[0]]
+    every = [(k, drives(r, q.logs, [x[k, "law"] for x in q.left], k)) for k in lawful]
+    rows = [limit_row(each, asked.cells[k], r) for k, each in every]
+    return [x for x in rows if x is not None]

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.special import gammaln
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
@@ -127,11 +128,12 @@ def pulses(
     w: Whitened, groups: Sequence[tuple[int, ...]], most: int, lengths: Sequence[float] = LONG
 ) -> Waves:
     """Return pushes in time of about these lengths [s], the strongest first; each is alike in a group's stretches."""
-    left, found = [x.copy() for x in w.left], list[dict[int, Floats]]()
-    for _ in range(most):
+    left, found, least = [x.copy() for x in w.left], list[dict[int, Floats]](), 0.0
+    while len(found) < most:
         both = [_without(w, left, _finest(w, left, groups, lengths, box=box)) for box in (False, True)]
         gain, columns, left = max(both, key=lambda x: x[0])
-        if gain < SETTINGS.place:
+        least = max(least, SETTINGS.trace**2 * gain)  # the rest of a form is no push of its own
+        if gain < max(least, instants(len(found) + 1) - instants(len(found))):
             break
         found.append(columns)
     return found
@@ -207,12 +209,17 @@ def _strongest(
     return _Push(float(gain[at]), group, at, wave, long, box)
 
 
+def instants(count: int) -> float:
+    """Return what the search for so many instants costs, in whatever order they were found [nats]."""
+    return float(SETTINGS.place * count - gammaln(count + 1))
+
+
 def _timed(w: Whitened, pulses: Waves) -> Local:
     still = [np.zeros(len(s.t)) for s in w.logs]
     columns = [np.column_stack([p.get(k, x) * w.effort for p in pulses]) for k, x in enumerate(still)]
     rows = [(k, np.flatnonzero(x)) for p in pulses for k, x in p.items() if x.any()]
     spans = [(k, float(w.logs[k].t[x[0]]), float(w.logs[k].t[x[-1]])) for k, x in rows]
-    return Local(columns, SETTINGS.place * len(pulses), spans=spans)
+    return Local(columns, instants(len(pulses)), spans=spans)
 
 
 @dataclass(frozen=True, eq=False)

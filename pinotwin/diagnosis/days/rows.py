@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,16 +38,17 @@ class Asked:
         self.valid = {k: cells(self.r, q.valid, q.valid_left, k, x) for k, x in unseen.items()}
         self.keys = [(k, e) for k in self.r.axes for e in self.cells[k]]
         self.base = {key: score([(self.cells[key[0]][key[1]], NONE)], 0) for key in self.keys}
-        self.open = {key: opened(self.cells[key[0]][key[1]], x.held[0]) for key, x in self.base.items()}
+        held, known = {key: x.held[0] for key, x in self.base.items()}, self._touched("", ())
+        if known:
+            held |= zip(known, self._alone(known, sum(x.count for x in self.found)).held, strict=True)
+        self.open = {key: opened(self.cells[key[0]][key[1]], x) for key, x in held.items()}
 
     def rows(self, *, every: bool = False) -> list[Row]:
         """Return the rows of all causes, best first; of descriptions and other axes the best of each axis, or all."""
-        out = []
-        for name in self.r.axes:
-            for cause in self.tried.columns[name][0]:
-                if cause not in self.tried.wide and not cause.startswith("found:"):
-                    out.append(self._row(cause, name, [name]))
-        out += [self._row(cause, axis, list(self.r.axes)) for cause, axis in self.tried.wide.items()]
+        wide = self.tried.wide
+        own = [(x, k) for k in self.r.axes for x in self.tried.columns[k][0] if x not in wide]
+        out = [self._row(cause, name, [name]) for cause, name in own if not cause.startswith("found:")]
+        out += [self._row(cause, axis, list(self.r.axes)) for cause, axis in wide.items()]
         found = [x for x in out if x is not None]
         return found if every else _best(found)
 
@@ -71,7 +72,7 @@ class Asked:
         if place is not None and place.form is not None and not possible(self.r, place, theta, error):
             return None
         small = abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
-        small |= short != "payload" and worth < least_share(group)
+        small |= worth < least_share(group)
         if small or not _can_be(short, theta, error):
             return None
         by = {"day": with_it.cost - alone.cost}
@@ -96,7 +97,7 @@ class Asked:
             logs=self._by_log(keys, gains, with_it.costs - alone.costs),
             positive=positive(every),
             spread=spread(every),
-            closed=self._closed(keys, gains),
+            closed=self._closed(dict(zip(keys, alone.held, strict=True)), gains),
             valid=self._validated(cause, keys, theta),
             what=what,
             form=None if place is None else place.form,
@@ -160,26 +161,26 @@ class Asked:
         return replace(each[0], held=held, full=full, costs=_sum([x.costs for x in each]))
 
     def _worth(self, cause: str, axes: Sequence[str], theta: Floats, *, searched: bool) -> float:
-        """Return the size of a cause in the effort, over the effort's own; 1 of what acts between encoders."""
-        parts = [
-            combined(x, theta)
-            for a in axes
-            for acts in self.tried.columns[a]
-            for e, x in acts[cause].items()
-            if e != "encoders"
-        ]
-        if not parts:
-            return 1.0
-        size = float(np.std(np.concatenate([s.axes[axes[-1]]["u"] for s in self.q.logs])))
-        y = np.concatenate(parts)
-        most = max(float(np.abs(y).max()), 1e-300)
-        return most * (1.0 if searched else rms(y / most)) / max(size, 1e-300)
+        """Return the size of a cause in the effort, over the effort's own, where it is largest.
 
-    def _closed(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats]) -> dict[str, float]:
-        """Return equation -> share of what is open that goes."""
+        What acts on the plant is as large as it is there, whatever follows it; 1 of what acts between encoders.
+        """
+        shares = list[float]()
+        for a in axes:
+            each = [acts[cause] for acts in self.tried.columns[a]]
+            main = [next((x[e] for e in ("plant", "law") if e in x), None) for x in each]
+            if parts := [combined(x, theta) for x in main if x is not None]:
+                y, u = np.concatenate(parts), np.concatenate([s.axes[a]["u"] for s in self.q.logs])
+                most = max(float(np.abs(y).max()), 1e-300)
+                size = most * (1.0 if searched else rms(y / most))
+                shares.append(size / max(float(np.std(u)), 1e-300))
+        return max(shares, default=1.0)
+
+    def _closed(self, alone: Mapping[tuple[str, str], Floats], gains: Sequence[Floats]) -> dict[str, float]:
+        """Return equation -> share of what is open beside what was found that goes."""
         out: dict[str, Floats] = {}
-        for key, g in zip(keys, gains, strict=True):
-            c, held = self.cells[key[0]][key[1]], self.base[key].held[0]
+        for (key, held), g in zip(alone.items(), gains, strict=True):
+            c = self.cells[key[0]][key[1]]
             rows = max(float(c.rows.sum()), 1e-9)
             before, after = (rows * opened(c, x) for x in (held, held + g))
             row = np.array([before - after, max(before - rows, 5.0)])

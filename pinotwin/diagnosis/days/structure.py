@@ -19,6 +19,7 @@ from pinotwin.diagnosis.candidates.patterns import Curve, patterns
 from pinotwin.diagnosis.data.comparison import Comparison, foretells
 from pinotwin.diagnosis.days.ground import Ground, Tables
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
+from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.pushed import chance, pushed, pushes_of
 from pinotwin.diagnosis.days.rows import least_share
 from pinotwin.diagnosis.settings import SETTINGS
@@ -30,8 +31,6 @@ KEPT, ASKED, POLISHED = 2, 8, 4
 """Instances of one name on one axis that are kept, most of them that are scored, and names of one turn whose shapes are
 polished."""
 LEAST = 0.2  # Of what is left of its axis, squared, that a cause closes
-TRACE = 1.0 / 3.0
-"""Of what a cause does, RMS: so much may be left of it because its form is not quite right."""
 BAR = 14.0  # Gain less price from which a cause is taken [nats]
 WIDTH = 8.0
 """By how much the logarithms of the odds of two causes of a machine are smaller than the difference of their scores
@@ -126,7 +125,7 @@ class Finder:
             worth *= closes > STRONGER * self.usual[j]
             one = replace(one, price=one.price + one.total - worth)
         elif one is not None:
-            one = replace(one, price=one.price + SETTINGS.place * len(columns) - chance(g, j, columns))
+            one = replace(one, price=one.price + instants(len(columns)) - chance(g, j, columns))
         return {j}, [one] if one is not None and one.possible else []
 
 
@@ -245,10 +244,10 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
     nearly all that others leave, by few numbers, is no rest of theirs.
     """
     known = {(x.name, x.axis) for x in told}
-    rest = 1.0 + TRACE**2
+    rest = 1.0 + SETTINGS.trace**2
 
     def stands(x: Lack) -> bool:
-        form = TRACE * max((y.worth for y in told if y.joint == x.joint), default=0.0)
+        form = SETTINGS.trace * max((y.worth for y in told if y.joint == x.joint), default=0.0)
         if x.count <= FEW:
             form *= float(np.sqrt(np.clip(1.0 - x.share, 0.0, 1.0)))
         # pushes must close more than anything that comes with the motion

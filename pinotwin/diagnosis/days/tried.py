@@ -58,7 +58,7 @@ class Tried:
 
     def _asked(self) -> dict[str, Columns]:
         q, r, out = self.q, self.r, {}
-        left = [_less(s, x, self.found, k) for k, (s, x) in enumerate(zip(q.logs, q.left, strict=True))]
+        left = [_less(x, self.found, k) for k, x in enumerate(q.left)]
         ends, program = q.ends(), one_program(r, q.logs)
         wide = self._wide(left)
         for name in r.axes:
@@ -165,7 +165,7 @@ def _shared(each: Sequence[dict[str, Acts]]) -> list[dict[str, Acts]]:
     return [{n: x[n] for n in names} for x in each]
 
 
-def _less(s: Stretch, left: Left, found: Sequence[Row], k: int) -> Left:
+def _less(left: Left, found: Sequence[Row], k: int) -> Left:
     """Return what is left of a stretch without the causes that were found."""
     out = dict(left)
     for f in found:
