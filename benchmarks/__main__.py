@@ -7,6 +7,7 @@ python -m benchmarks evidence PART        # measure figures of README and docs a
 python -m benchmarks gate                 # questions that the diagnosis must not get wrong
 python -m benchmarks train rows CASES OUT # evidence of known changes; then: train fit OUT --out WEIGHTS
 python -m benchmarks real                 # recordings of real machines, an effect withheld from the model
+python -m benchmarks three                # three changes of a machine at once
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ def main() -> int:
     words = sys.argv[1:]
     if words[:1] == ["evidence"]:
         return int(importlib.import_module("benchmarks.evidence").main(words[1:]) or 0)
-    if words[:1] in (["gate"], ["real"]):
+    if words[:1] in (["gate"], ["real"], ["three"]):
         return int(importlib.import_module("benchmarks.questions.__main__").main(words))
     if words[:1] == ["train"]:
         return int(importlib.import_module("benchmarks.train.__main__").main(words[1:]) or 0)
     named = [word for word in words if word in known]
     if words and not named:
-        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, real, {', '.join(known)}")
+        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, real, three, {', '.join(known)}")
     sys.argv[1:] = [word for word in words if word not in known]
     failed = []
     for name in named or known:

@@ -1,4 +1,4 @@
-"""``python -m benchmarks gate`` and ``real``: questions with known answers, and recordings of real machines.
+"""``python -m benchmarks gate``, ``real`` and ``three``: known answers, real recordings, three changes at once.
 
 The bench itself is ``pinotwin blind``.
 """
@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from pinotwin.errors import PinotwinError
+from pinotwin.errors import DataError, PinotwinError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,8 +31,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gate.add_argument("--work", metavar="DIR", help="keep twins and foreign cases here")
     real = parts.add_parser("real", help="recordings of real machines, each with an effect withheld")
     real.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
+    three = parts.add_parser("three", help="three changes at once, on ten machines of another simulator")
+    three.add_argument("--seeds", default="2209:2260", help="machines; those with a second encoder are asked")
+    three.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
+    three.add_argument("--work", metavar="DIR", default="out/three", help="keep the cases here (out/three)")
     args = parser.parse_args(arguments)
     try:
+        if args.what == "three":
+            return _three(args)
         if args.what == "gate":
             return _gate(args)
         return _real(args)
@@ -62,6 +68,16 @@ def _gate(args: argparse.Namespace) -> int:
     seconds = time.perf_counter() - start
     sys.stdout.write(f"{len(results) - wrong} of {len(results)} right in {seconds:.0f} s\n")
     return int(wrong > 0 or (left > 0 and bool(os.environ.get("PINOTWIN_REQUIRE_DATA"))))
+
+
+def _three(args: argparse.Namespace) -> int:
+    from benchmarks.questions.other_machines import Elsewhere
+    from benchmarks.questions.three import told
+
+    elsewhere = Elsewhere.at_hand(Path(args.work), args.data)
+    if elsewhere is None:
+        raise DataError("the other simulator is not at hand; set PINOTWIN_DATA")
+    return told(elsewhere, range(*map(int, args.seeds.split(":"))))
 
 
 def _real(args: argparse.Namespace) -> int:

@@ -18,8 +18,9 @@ from scipy.optimize import minimize
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel, known
-from pinotwin.diagnosis.days.judge import family
+from pinotwin.diagnosis.days.judge import Named, family, likeliest
 from pinotwin.diagnosis.days.row import Row
+from pinotwin.diagnosis.settings import SETTINGS
 
 RATES = (0.02, 0.05, 0.10)
 RIDGE, OUTSIDE, FORMED, FEW = 15.0, 0.3, 0.1, 3.0
@@ -185,28 +186,37 @@ def left_out(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return out
 
 
+def answered(d: Decision, q: Asked) -> tuple[float, Named | None, bool]:
+    """Return P(nothing) [1], the likeliest cause as a diagnosis has it, and whether that is right."""
+    P = d.probabilities(q.case)
+    one = likeliest(q.case, P)
+    return float(P[0]), one, one is not None and q.case.causes.index(one.row) + 2 in q.right
+
+
+def sure(one: Named | None) -> bool:
+    """Whether a diagnosis names a cause; otherwise something unknown has changed."""
+    return one is not None and one.probability >= SETTINGS.likely
+
+
 def _said(d: Decision, at: Mapping[float, float], line: Mapping[str, Any]) -> dict[str, Any]:
     q = Asked(line, line["rows"], first=True)
-    P = d.probabilities(q.case)
-    best = 1 + int(np.argmax(P[1:]))
-    row = None if best == 1 else q.case.causes[best - 2]
-    extra = None
+    nothing, one, fits = answered(d, q)
+    row, extra = None if one is None else one.row, None
     for second in line["second"] if row is not None else ():
         if second["beside"][1] == row.axis and family(second["beside"][0]) == family(row.name):
-            q2 = Asked(line, second["rows"], first=False)
-            P2 = d.probabilities(q2.case)
-            k = 1 + int(np.argmax(P2[1:]))
-            if k > 1 and k not in q2.right:
-                extra = (float(P2[0]), q2.case.causes[k - 2].name, q2.case.causes[k - 2].axis)
+            none, other, well = answered(d, Asked(line, second["rows"], first=False))
+            if other is not None and sure(other) and not well:
+                extra = (none, other.row.name, other.row.axis)
     return {
         "line": line,
-        "nothing": float(P[0]),
+        "nothing": nothing,
         "limits": at,
         "name": "unknown" if row is None else row.name,
         "axis": "" if row is None else row.axis,
-        "score": 0.0 if row is None else row.score,
-        "sure": float(P[best] / max(1.0 - P[0], 1e-9)),
-        "right": best in q.right and best > 0,
+        "probability": 0.0 if one is None else one.probability,
+        "fits": fits,
+        "named": sure(one),
+        "right": fits if sure(one) else 1 in q.right,
         "extra": extra,
     }
 
@@ -226,15 +236,9 @@ def outside(lines: Sequence[Mapping[str, Any]]) -> None:
         rest = [x for x in lines if x["kind"] != kind]
         d, at = trained_on(rest), limits(rest)
         for line in every:
-            P = d.probabilities(Asked(line, line["rows"], first=True, outside=True).case)
-            best = 1 + int(np.argmax(P[1:]))
-            count[
-                "nothing"
-                if P[0] >= at[known(line["days"])][RATES[0]]
-                else "unknown"
-                if best == 1
-                else "another"
-            ] += 1
+            nothing, one, _ = answered(d, Asked(line, line["rows"], first=True, outside=True))
+            silent = nothing >= at[known(line["days"])][RATES[0]]
+            count["nothing" if silent else "another" if sure(one) else "unknown"] += 1
     print("cause taken away:", count)
 
 
@@ -254,11 +258,12 @@ def table(said: Sequence[Mapping[str, Any]]) -> None:
         speaks = [x["nothing"] < x["limits"][rate] for x in said]
         well = [s for x, s in zip(said, speaks, strict=True) if healthy(x["line"])]
         ill = [s and x["right"] for x, s in zip(said, speaks, strict=True) if not healthy(x["line"])]
-        named = [x for x, s in zip(said, speaks, strict=True) if s and x["name"] != "unknown"]
-        p, ok = np.array([x["sure"] for x in named]), np.array([x["right"] for x in named])
+        told = [x for x, s in zip(said, speaks, strict=True) if s and x["name"] != "unknown"]
+        p, ok = np.array([x["probability"] for x in told]), np.array([x["fits"] for x in told])
+        false = sum(x["named"] and not x["right"] for x in told)
         print(
             f"false alarm {rate:.2f}: healthy spoken of {sum(well)}/{len(well)}; right {sum(ill)}/{len(ill)}; "
-            f"named {len(named)}, wrong {int((~ok).sum())}; "
+            f"named {sum(x['named'] for x in told)}, wrong {false}; of these and the possible ones "
             f"ECE {calibration(p, ok):.3f}, AUC {discrimination(p, ok):.3f}"
         )
 

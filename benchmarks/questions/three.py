@@ -1,0 +1,102 @@
+"""Three changes at once in one log: friction of an axis, play behind its motor, a number of a controller.
+
+The machines over days of ``../foreign/shop.py`` that have a second encoder, its own laws put together; a twin of their
+healthy days is asked. Each case is one machine and one number of the controller.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pinotwin as pt
+from benchmarks.questions.other_machines import Elsewhere
+
+NUMBERS = ("kv", "ffv", "ffa")
+MACHINES = 10
+
+
+def put_together(shop: Any, kind: str, m: Any, soft: int, *, one: Any) -> Any:
+    """Return the change of a case, by the ``one`` that makes each: of any axis, but for the play."""
+    number = kind.partition("+")[2]
+    rng = m.rng(7, NUMBERS.index(number))
+    any_axis = [j.name for j in m.spec.actuated()]
+    parts = [
+        one("friction_up", m, soft, [str(rng.choice(m.felt()))]),
+        one("lost_motion", m, soft),
+        one(number, m, soft, [str(rng.choice(any_axis))]),
+    ]
+    out = shop.Change([c for x in parts for c in x.causes])
+    for x in parts:
+        out.friction |= x.friction
+        out.second |= x.second
+        out.gains |= x.gains
+    return out
+
+
+def cases(e: Elsewhere, seeds: Sequence[int]) -> list[Path]:
+    """Return the folders of all cases of the first machines that have a second encoder; each is made once."""
+    sys.path.insert(0, str(e.scripts))
+    shop: Any = importlib.import_module("shop")
+    kinds = [f"three+{x}" for x in NUMBERS]
+    shop.KINDS = (*shop.KINDS, *kinds)
+    shop.make = partial(_made, shop, shop.make)
+    fit = [s for s in seeds if shop.machine(f"random:{s}", s).second][:MACHINES]
+    out = []
+    for seed in fit:
+        base = e.work / f"three-{seed}"
+        base.mkdir(parents=True, exist_ok=True)
+        shop.write_base(base, f"random:{seed}", seed)
+        for kind in kinds:
+            done = base / kind / "answer.json"
+            if done.exists() or shop.write_case(base / kind, kind, f"random:{seed}", seed, base):
+                out.append(base / kind)
+    return out
+
+
+def _made(shop: Any, one: Any, kind: str, m: Any, soft: int = 0, among: Any = None) -> Any:
+    if kind.startswith("three+"):
+        return put_together(shop, kind, m, soft, one=one)
+    return one(kind, m, soft, among)
+
+
+def twin_of(base: Path) -> pt.Twin:
+    """Return the twin of a machine's healthy days, identified once."""
+    if not (base / "twin" / "twin.json").exists():
+        days = [pt.read(p) for p in sorted(base.glob("healthy_*.csv"))]
+        pt.identify(pt.Machine.load(base / "machine"), days).save(base / "twin")
+    return pt.Twin.load(base / "twin")
+
+
+def asked(case: Path) -> dict[str, Any]:
+    """Return a case's causes with whether each is named, whether the first name is right, and wrong ones."""
+    causes: list[Mapping[str, Any]] = json.loads((case / "answer.json").read_text(encoding="utf-8"))["causes"]
+    logs = [pt.read(case / f"{k}.csv") for k in ("train", "repeat", "valid")]
+    found = pt.diagnose(twin_of(case.parent), logs[:2], validate=logs[2:])
+    names = [(x.effect, x.axis) for x in found.effects]
+    right = [[n[0] in c["names"] and n[1] == c["axis"] for n in names] for c in causes]
+    wrong = [n for n, *each in zip(names, *right, strict=True) if not any(each)]
+    named = {c["kind"]: any(x) for c, x in zip(causes, right, strict=True)}
+    return {"case": case, "named": named, "first": bool(names) and names[0] not in wrong, "wrong": wrong}
+
+
+def told(e: Elsewhere, seeds: Sequence[int]) -> int:
+    """Print every case, and how often each kind is named; return 1 if a first name is wrong."""
+    rows = []
+    for case in cases(e, seeds):
+        rows.append(asked(case))
+        missed = [k for k, x in rows[-1]["named"].items() if not x]
+        print(f"{case.parent.name} {case.name}: missed {missed}, wrong {rows[-1]['wrong']}", flush=True)
+    for kinds in (("friction_up",), ("lost_motion",), NUMBERS):
+        each = [x for row in rows for k, x in row["named"].items() if k in kinds]
+        print(f"{' or '.join(kinds)}: {sum(each)} of {len(each)} named")
+    false = sum(bool(r["named"]) and not r["first"] for r in rows)
+    print(
+        f"{len(rows)} cases; first name wrong in {false}; wrong names in {sum(bool(r['wrong']) for r in rows)}"
+    )
+    return int(false > 0)
