@@ -119,7 +119,7 @@ def case_of(
 def judge(
     q: Question, decision: Decision, false_alarm: float, admits: Callable[[Row], bool] = bool, most: int = 4
 ) -> Judged:
-    """Return what has changed: ``most`` causes, while one is more probable than at a rate of false alarms [1]."""
+    """Return what has changed: at most so many causes, named while P(nothing) is below that of false alarms [1]."""
     limit = decision.limit(false_alarm, q.reference.days)
     found: list[Named] = []
     questions = list[tuple[list[Row], Asked]]()

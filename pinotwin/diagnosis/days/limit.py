@@ -204,7 +204,7 @@ def _levels(each: Sequence[Drive], slope: float) -> set[float]:
 
 
 def limit_row(each: Sequence[Drive], before: Mapping[str, Cells], r: Reference) -> Row | None:
-    """Return the row of a drive's limit, None of none: it closes what the law with its constants, unlimited, leaves."""
+    """Return the row of a drive's limit, if any; it closes what the law with its constants and no limit leaves."""
     found, name = bounded(each), each[0].name
     if found is None:
         return None
