@@ -26,7 +26,7 @@ def shop(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
 @pytest.mark.parametrize("number", three.NUMBERS)
 def test_friction_play_and_a_number_of_the_controller_change_together(shop: Any, number: str) -> None:
     machine = shop.machine("random:2209", 2209)
-    change = three.put_together(shop, f"three+{number}", machine, 0, one=shop.make)
+    change = three.made(shop, shop.make, f"three+{number}", machine)
     assert [c["kind"] for c in change.causes] == ["friction_up", "lost_motion", number]
     (factor,) = change.friction.values()
     assert factor > 1.4
@@ -65,9 +65,9 @@ def test_a_name_counts_on_its_axis_alone(tmp_path: Path, monkeypatch: pytest.Mon
         {"kind": "kv", "axis": "X", "names": ["kv"]},
     ]
     (tmp_path / "answer.json").write_text(json.dumps({"causes": causes}), encoding="utf-8")
-    monkeypatch.setattr(three.pt, "read", lambda _: None)
-    monkeypatch.setattr(three, "twin_of", lambda _: None)
-    monkeypatch.setattr(three.pt, "diagnose", lambda *_, **__: Found)
+    monkeypatch.setattr(three, "read_logs", lambda _: (None, None, None))
+    monkeypatch.setattr(three, "twin_of", lambda *_, **__: None)
+    monkeypatch.setattr(three, "diagnose", lambda *_, **__: Found)
     got = three.asked(tmp_path)
     assert got["named"] == {"lost_motion": True, "kv": False}
     assert got["first"]

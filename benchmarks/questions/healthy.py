@@ -103,11 +103,11 @@ def foreign_case(folder: Path, situation: str) -> Asked:
 
 
 @functools.lru_cache(maxsize=4)
-def twin_of(machine: Path, logs: tuple[Path, ...]) -> Twin:
-    """Return the twin of some logs, without closed loops: several questions share it."""
+def twin_of(machine: Path, logs: tuple[Path, ...], *, loop: bool = False) -> Twin:
+    """Return the twin of some logs, with or without closed loops: several questions share it."""
     from pinotwin.identification import identify
 
-    return identify(Machine.load(machine), read_logs(logs), loop=False)
+    return identify(Machine.load(machine), read_logs(logs), loop=loop)
 
 
 def read_logs(paths: Sequence[Path]) -> tuple[Log, ...]:

@@ -14,17 +14,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pinotwin as pt
+from benchmarks.questions.healthy import read_logs, twin_of
 from benchmarks.questions.other_machines import Elsewhere
+from pinotwin.diagnosis import diagnose
 
 NUMBERS = ("kv", "ffv", "ffa")
+KINDS = tuple(f"three+{x}" for x in NUMBERS)
 MACHINES = 10
 
 
-def put_together(shop: Any, kind: str, m: Any, soft: int, *, one: Any) -> Any:
-    """Return the change of a case, by the ``one`` that makes each: of any axis, but for the play."""
-    number = kind.partition("+")[2]
-    rng = m.rng(7, NUMBERS.index(number))
+def made(shop: Any, one: Any, kind: str, m: Any, soft: int = 0, among: Any = None) -> Any:
+    """Return a change as ``one`` makes it; of a case its three changes together, of any axis, but for the play."""
+    if kind not in KINDS:
+        return one(kind, m, soft, among)
+    rng, number = m.rng(7, KINDS.index(kind)), kind.partition("+")[2]
     any_axis = [j.name for j in m.spec.actuated()]
     parts = [
         one("friction_up", m, soft, [str(rng.choice(m.felt()))]),
@@ -43,41 +46,28 @@ def cases(e: Elsewhere, seeds: Sequence[int]) -> list[Path]:
     """Return the folders of all cases of the first machines that have a second encoder; each is made once."""
     sys.path.insert(0, str(e.scripts))
     shop: Any = importlib.import_module("shop")
-    kinds = [f"three+{x}" for x in NUMBERS]
-    shop.KINDS = (*shop.KINDS, *kinds)
-    shop.make = partial(_made, shop, shop.make)
+    shop.KINDS = (*shop.KINDS, *KINDS)
+    shop.make = partial(made, shop, shop.make)
     fit = [s for s in seeds if shop.machine(f"random:{s}", s).second][:MACHINES]
     out = []
     for seed in fit:
         base = e.work / f"three-{seed}"
         base.mkdir(parents=True, exist_ok=True)
         shop.write_base(base, f"random:{seed}", seed)
-        for kind in kinds:
+        for kind in KINDS:
             done = base / kind / "answer.json"
             if done.exists() or shop.write_case(base / kind, kind, f"random:{seed}", seed, base):
                 out.append(base / kind)
     return out
 
 
-def _made(shop: Any, one: Any, kind: str, m: Any, soft: int = 0, among: Any = None) -> Any:
-    if kind.startswith("three+"):
-        return put_together(shop, kind, m, soft, one=one)
-    return one(kind, m, soft, among)
-
-
-def twin_of(base: Path) -> pt.Twin:
-    """Return the twin of a machine's healthy days, identified once."""
-    if not (base / "twin" / "twin.json").exists():
-        days = [pt.read(p) for p in sorted(base.glob("healthy_*.csv"))]
-        pt.identify(pt.Machine.load(base / "machine"), days).save(base / "twin")
-    return pt.Twin.load(base / "twin")
-
-
 def asked(case: Path) -> dict[str, Any]:
     """Return a case's causes with whether each is named, whether the first name is right, and wrong ones."""
     causes: list[Mapping[str, Any]] = json.loads((case / "answer.json").read_text(encoding="utf-8"))["causes"]
-    logs = [pt.read(case / f"{k}.csv") for k in ("train", "repeat", "valid")]
-    found = pt.diagnose(twin_of(case.parent), logs[:2], validate=logs[2:])
+    days = tuple(sorted(case.parent.glob("healthy_*.csv")))
+    logs = read_logs([case / f"{k}.csv" for k in ("train", "repeat", "valid")])
+    twin = twin_of(case.parent / "machine", days, loop=True)
+    found = diagnose(twin, logs[:2], validate=logs[2:])
     names = [(x.effect, x.axis) for x in found.effects]
     right = [[n[0] in c["names"] and n[1] == c["axis"] for n in names] for c in causes]
     wrong = [n for n, *each in zip(names, *right, strict=True) if not any(each)]

@@ -64,12 +64,12 @@ def evidence(
         rows += [*recording_rows(asked), *limit_rows(asked)]
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
     # Each step between two encoders is one: it may come again, if nothing else was found.
-    step = "encoder_step"
-    again = {(step, a) for a in q.reference.axes if {f.name for f in found if f.axis == a} == {step}}
+    again = {f.axis for f in found if {x.name for x in found if x.axis == f.axis} == {"encoder_step"}}
     rows = [
         replace(r, score=_beyond(healthy.get(_kind(r), 0.0), r, q.logs))
         for r in rows
-        if ((r.name, r.axis) in again or (family(r.name), r.axis) not in told) and admits(r)
+        if ((r.name == "encoder_step" and r.axis in again) or (family(r.name), r.axis) not in told)
+        and admits(r)
     ]
     rows.sort(key=by_score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
@@ -117,7 +117,7 @@ def case_of(
 
 
 def judge(
-    q: Question, decision: Decision, false_alarm: float, admits: Callable[[Row], bool] = bool, most: int = 4
+    q: Question, decision: Decision, false_alarm: float, admits: Callable[[Row], bool], most: int
 ) -> Judged:
     """Return what has changed: at most so many causes, named while P(nothing) is below that of false alarms [1]."""
     limit = decision.limit(false_alarm, q.reference.days)
