@@ -42,6 +42,7 @@ _SHOWN = {
     "rad/s²": ((0.0, 1.0 / _DEG, "°/s²"),),
     "s": ((0.1, 1.0, "s"), (1e-15, 1e3, "ms"), (0.0, 1.0, "s")),
     "m/N": ((0.0, 1e6, "µm/N"),),
+    "1": ((0.0, 1e6, "ppm"),),
     **{u: ((2e4, 1e-3, f"k{u}"), (0.1, 1.0, u), (1e-15, 1e3, f"m{u}"), (0.0, 1.0, u)) for u in ("N", "N·m")},
 }  # unit [SI] -> from which size [SI] on, times what, in which unit people read it
 

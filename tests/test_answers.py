@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.sizes import first_text, name_words, size_text
+from pinotwin.diagnosis.conclusion.verdict import with_open_signals
 from pinotwin.diagnosis.grade import OPEN
 from pinotwin.diagnosis.result import Diagnosis, Gap, Size, shrunk
 from pinotwin.diagnosis.result import Found as Named

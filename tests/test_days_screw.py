@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.diagnosis.days.decision import Decision
 from pinotwin.log import Log
 from tests.days_machine import RATE, Day, machine, run
 
@@ -113,3 +114,16 @@ def test_a_screw_that_grows_is_told_wherever_its_bearing_is(twin: pt.Twin, grows
     assert (found.effects[0].effect, found.effects[0].axis) == ("encoder_scale", "X")
     assert np.sign(found.effects[0].theta["error"]) == np.sign(grows)
     assert "grows" in found.sentence
+
+
+def test_what_is_open_has_its_likeliest_cause_beside_it_though_that_is_too_unsure_to_be_named(
+    twin: pt.Twin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Decision, "limit", lambda *_: 0.0)  # nothing is sure enough
+    found = _asked(twin, scale=-0.4e-3)
+    assert (found.verdict, list(found.effects)) == ("unexplained", [])
+    assert [(x.effect, x.axis) for x in found.possible] == [("encoder_scale", "X")]
+    assert "ql" in found.unexplained["X"]
+    assert "Possible, not sure: X scale of the second encoder" in found.sentence
+    healthy = _asked(twin)
+    assert (healthy.verdict, list(healthy.possible)) == ("none", [])

@@ -12,8 +12,7 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, same_cause
 from pinotwin.diagnosis.conclusion.residuals import noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
-from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.data.scatter import scatter
+from pinotwin.diagnosis.data.comparison import Comparison, compare, scatter
 from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap, shrunk

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.data.comparison import _foretold, _without_lost, compare, foretells, within
+from pinotwin.diagnosis.data.comparison import _foretold, _without_lost, compare, foretells, scatter, within
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, judged_rows, sample, sliding
-from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import EFFECTS, Presliding
 from pinotwin.effects.ripple import Ripple

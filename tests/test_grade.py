@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
+from pinotwin.diagnosis.conclusion.verdict import with_open_signals
 from pinotwin.diagnosis.grade import KIND, explained, grade
 from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.result import Found as Named

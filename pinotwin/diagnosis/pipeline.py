@@ -12,10 +12,9 @@ import numpy as np
 
 from pinotwin.diagnosis.conclusion.advice import advise, command
 from pinotwin.diagnosis.conclusion.explained import at_one_gap, stated_of
-from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
-from pinotwin.diagnosis.conclusion.verdict import judge
+from pinotwin.diagnosis.conclusion.verdict import judge, with_open_signals
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.days.account import Account, alike

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
-from pinotwin.diagnosis.grade import KIND, OPEN, STATE, Grade, State, grade, left_anyway, printed
+from pinotwin.diagnosis.grade import KIND, OPEN, STATE, Grade, State, grade, is_open, left_anyway, printed
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.log import Log
@@ -50,6 +50,10 @@ class Gap:
     def level(self) -> float:
         """The expected error and the noise together, which the residual is held against [unit of the signal]."""
         return left_anyway(self.noise, self.expected)
+
+    def is_open(self, signal: str = "u") -> bool:
+        """Whether more of a signal stays, once the named effects are modelled, than of a healthy axis."""
+        return is_open(self.after, self.noise, self.expected, self.variation, signal=signal)
 
 
 @dataclass(frozen=True)

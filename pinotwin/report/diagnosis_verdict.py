@@ -57,7 +57,9 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
 
 def _possible(d: Diagnosis) -> list[str]:
     """Return the causes that are not sure enough to be named, in one sentence."""
-    names = [f"{on_axis(e.effect, e.axis)} (confidence {e.confidence:.0%})" for e in d.possible]
+    names = [
+        f"{on_axis(e.effect, e.axis)}{change_text(e)} (confidence {e.confidence:.0%})" for e in d.possible
+    ]
     return [DIAGNOSED["possible"].format(names=joined(names))] if names else []
 
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.explained import Closed
-from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.comparison import Comparison, by_days, scatter
 from pinotwin.diagnosis.data.noise import noises, repeats
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.data.scatter import by_days, scatter
 from pinotwin.diagnosis.result import Gap
 from pinotwin.signals import rms
 

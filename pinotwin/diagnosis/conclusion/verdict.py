@@ -1,19 +1,20 @@
-"""The verdict: one word, one sentence, and what stays open on every axis."""
+"""The verdict: one word, one sentence, and what stays open on every axis: every signal counts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.grade import grade, is_open
+from pinotwin.diagnosis.grade import OPEN, grade, stays
 from pinotwin.diagnosis.phrases import effect_words
-from pinotwin.diagnosis.result import Found, Gap, Verdict
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES
-from pinotwin.system.phrases import capital, joined
+from pinotwin.system.phrases import JUDGED, SIGNALS, capital, joined
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def judge(
 ) -> Judgement:
     """Return the verdict on a comparison; ``patterns``: axis -> what is left follows, in words."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
-    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(row["u"])}
+    open_axes = {axis: row["u"] for axis, row in judged.items() if row["u"].is_open()}
     told = {axis for e in effects for axis in _axes(e)}
     known = gaps.keys() - told
     unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
@@ -55,7 +56,7 @@ def judge(
         if _odd(row["u"]) and axis not in unexplained
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
-    maybe = [f"Possible, not sure: {'; '.join(said(e) for e in possible)}"] if possible else []
+    maybe = [JUDGED["possible"].format(causes="; ".join(map(said, possible)))] if possible else []
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
     first = _sentence(c, verdict, effects, still or judged, patterns)
     sentence = ". ".join([*first, *maybe, *runs, *unjudged(c, told)])
@@ -66,11 +67,6 @@ def judge(
 def _axes(e: Found) -> set[str]:
     """Return the axis of an effect, and those that it acts on: a load on one link weighs on others."""
     return {str(e.axis), *e.acts}
-
-
-def _open(g: Gap) -> bool:
-    """Whether more of a gap stays than a model leaves on healthy logs, a machine of what its effort varies by."""
-    return is_open(g.after, g.noise, g.expected, g.variation)
 
 
 def _agrees(g: Gap) -> bool:
@@ -126,7 +122,7 @@ def _sentence(
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
-    asked = largest and (effects or not c.gate.silent or _open(gaps[largest]["u"]))
+    asked = largest and (effects or not c.gate.silent or gaps[largest]["u"].is_open())
     if asked and not any(largest in _axes(e) for e in effects):
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
         text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"
@@ -150,3 +146,38 @@ def said(e: Found) -> str:
     shrink = next(iter(e.shrink.values()), None)
     explains = "" if shrink is None else f"explains {max(shrink.share, 0.0):.0%} of the variance, "
     return f"{what} ({explains}confidence {e.confidence:.0%})"
+
+
+def with_open_signals(found: Diagnosis) -> Diagnosis:
+    """Return the diagnosis with every signal left open that its grades call open, beside the verdict on the efforts."""
+    off = {
+        (axis, signal): stays(g.after, g.noise, g.expected, g.variation)
+        for axis, row in found.gap.items()
+        for signal, g in row.items()
+        if signal not in found.unexplained.get(axis, {}) and found.grade(axis, signal) in OPEN
+    }
+    if not off:
+        return found
+    said = [_left_open(axis, signal, x, found) for (axis, signal), x in off.items()]
+    unexplained = {axis: dict(row) for axis, row in found.unexplained.items()}
+    for axis, signal in off:
+        g = found.gap[axis][signal]
+        unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
+    verdict: Verdict = "partly_explained" if found.effects else "unexplained"
+    parts = [] if found.recording else said
+    told = [found.sentence, *parts]
+    if found.verdict == "none":  # that nothing was found stands first, and does not hold
+        told = [*parts, *found.sentence.split(". ")[1:]]
+    return replace(found, verdict=verdict, sentence=". ".join(told), unexplained=unexplained)
+
+
+def _left_open(axis: str, signal: str, times: float, found: Diagnosis) -> str:
+    known = math.isfinite(found.gap[axis][signal].misfit)
+    if signal == "e" and found.grade(axis, signal) == "not explained" and not found.effects:
+        return (
+            f"{axis} follows its command unlike its twin: the tracking error is {times:.1f} times the validation "
+            "error, although the effort agrees. Check its controller and its command shaping"
+        )
+    size = f"{times:.3g} times the twin's expected error" if known else f"{times:.1%} of the signal"
+    word = "partly" if found.grade(axis, signal) == "partly explained" else "not"
+    return f"the {SIGNALS[signal]} of {axis} is {word} explained: {size} remains"

@@ -38,6 +38,8 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.system.phrases import JUDGED
 
+SHOWN = {"plant": "u", "law": "e", "encoders": "ql"}
+"""Equation -> signal in which its residual is stated."""
 BEGINS = ("friction_since", "friction_at_start", "zero_since", "")
 """Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
 PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "frozen", "effort_of_another_run")
@@ -120,6 +122,14 @@ class Answer:
             if rows.any():
                 out[axis] = {"u": unjudged_gap(self.new.left[rows, j], self.new.motion.u[rows, j])}
         return out
+
+    @cached_property
+    def possible(self) -> list[Named]:
+        """The best cause that is not named, where something unknown has changed or a signal that it acts on is open."""
+        opened = {(a, s) for a, row in self.gap.items() for s, g in row.items() if g.is_open(s)}
+        acts = [{(axis_of(x.row, self.r), SHOWN.get(e, "")) for e in x.row.by} for x in self.judged.possible]
+        pairs = zip(self.judged.possible, acts, strict=True)
+        return [x for x, signals in pairs if self.judged.unknown or signals & opened]
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
         """Return what each cause closes of the effort of an axis beside those before it."""
@@ -261,7 +271,7 @@ class Answer:
 
     def where(self) -> list[Region]:
         """Return where and when each cause acts; without a sure name the possible one, else what is open."""
-        rows, out = [x.row for x in self.named or self.judged.possible], list[Region]()
+        rows, out = [x.row for x in self.named or self.possible], list[Region]()
         if not rows and self.judged.unknown:
             axis, equation, row = self._worst()
             group = {"encoders": "encoder"}.get(equation, equation)
@@ -292,13 +302,12 @@ class Answer:
 
     def open(self) -> dict[str, dict[str, float]]:
         """Return axis -> signal -> share that stays [1], of what no cause explains though something has changed."""
-        signals = {"plant": "u", "law": "e", "encoders": "ql"}
         out: dict[str, dict[str, float]] = {}
         if self.judged.unknown:
             axis, equation, _ = self._worst()
             e = self.track.gaps.get(axis)
             kept = equation == "law" and e is not None and e.rms <= e.expected  # then its effort is off
-            out[axis] = {"u" if kept else signals[equation]: 1.0}
+            out[axis] = {"u" if kept else SHOWN[equation]: 1.0}
         for x in self.recorded:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
@@ -318,10 +327,9 @@ class Answer:
             return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *told]
         if self.judged.unknown:
             row = self.judged.described
-            maybe = "; ".join(said(self.told(x)) for x in self.judged.possible)
-            words = "" if row is None else f": {row.axis} {described(row.what)}"
-            likely = [JUDGED["possible"].format(causes=maybe)] if maybe else []
-            return [JUDGED["unknown"].format(words=words), *likely]
+            return [
+                JUDGED["unknown"].format(words="" if row is None else f": {row.axis} {described(row.what)}")
+            ]
         seen = seen_words([*map(asdict, self.judged.detectable)])
         return [JUDGED["none"], *([seen] if seen else [])]
 
@@ -399,22 +407,25 @@ def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) 
 
 def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     """Return an answer in the form of the contract; ``differ``: the logs that are judged alone."""
-    c, opened, gap = a.c, a.open(), a.gap
+    c, opened, gap, possible = a.c, a.open(), a.gap, [a.told(x) for x in a.possible]
     effects = [*a.found(), *more]
     word: Verdict = "partly_explained" if opened else "explained"
     if not effects:
         word = "unexplained" if opened else "none"
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
+    maybe = [JUDGED["possible"].format(causes="; ".join(map(said, possible)))] if possible else []
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
     other = set[str]() if a.recording() else {*opened, *refuted}
     return Diagnosis(
         verdict=word,
-        sentence=". ".join([*a.sentence(effects), *only, *unjudged(c, {str(e.axis) for e in effects})]),
+        sentence=". ".join(
+            [*a.sentence(effects), *maybe, *only, *unjudged(c, {str(e.axis) for e in effects})]
+        ),
         differs=list(differ),
         gap=gap,
         where=a.where(),
         effects=effects,
-        possible=[a.told(x) for x in a.judged.possible],
+        possible=possible,
         confusable=[x for n in a.named if len(x := _group(n, a.r)) > 1],
         unexplained=opened,
         remains=a.remains(),

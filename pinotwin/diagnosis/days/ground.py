@@ -16,9 +16,8 @@ from itertools import pairwise
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.data.comparison import Comparison, thinned_model, within
+from pinotwin.diagnosis.data.comparison import Comparison, by_days, thinned_model, within
 from pinotwin.diagnosis.data.samples import Sample, sample
-from pinotwin.diagnosis.data.scatter import by_days
 from pinotwin.diagnosis.days.score import Cells, density, errors, score, squared
 from pinotwin.diagnosis.days.whitening import _spread
 from pinotwin.diagnosis.settings import SETTINGS

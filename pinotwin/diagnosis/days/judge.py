@@ -42,7 +42,7 @@ class Judged:
         described: the best description of what is left, then.
         rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
         detectable: the least changes that these logs would have shown.
-        possible: a cause that is not sure enough to be named.
+        possible: the best cause that is not sure enough to be named, also where nothing need have changed.
     """
 
     named: Sequence[Named]
@@ -135,13 +135,15 @@ def judge(
         refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
         P = decision.probabilities(case)
         questions.append((rows, asked))
+        one = likeliest(case, P)
+        possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
         if P[0] >= limit:
             break
-        one = likeliest(case, P)
         if one is None or one.probability < SETTINGS.likely:
-            unknown, described, possible = True, next(iter(case.described), None), [one] if one else []
+            unknown, described = True, next(iter(case.described), None)
             break
         found.append(one)
+        possible = []
         if one.row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
     rows, asked = questions[0]

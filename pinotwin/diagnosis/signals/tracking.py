@@ -14,8 +14,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.columns import bind
-from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.data.scatter import by_days
+from pinotwin.diagnosis.data.comparison import Comparison, by_days
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.errors import PinotwinError
 from pinotwin.identification.coupled import with_factors
