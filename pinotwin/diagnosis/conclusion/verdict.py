@@ -56,10 +56,9 @@ def judge(
         if _odd(row["u"]) and axis not in unexplained
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
-    maybe = [JUDGED["possible"].format(causes="; ".join(map(said, possible)))] if possible else []
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
     first = _sentence(c, verdict, effects, still or judged, patterns)
-    sentence = ". ".join([*first, *maybe, *runs, *unjudged(c, told)])
+    sentence = ". ".join([*first, *unsure_words(possible), *runs, *unjudged(c, told)])
     remains = {**patterns, **c.gate.nameless, **c.gate.silent}
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
@@ -148,6 +147,11 @@ def said(e: Found) -> str:
     return f"{what} ({explains}confidence {e.confidence:.0%})"
 
 
+def unsure_words(possible: Sequence[Found]) -> list[str]:
+    """Return the causes that are too unsure to be named, in one sentence; none without any."""
+    return [JUDGED["possible"].format(causes="; ".join(map(said, possible)))] if possible else []
+
+
 def with_open_signals(found: Diagnosis) -> Diagnosis:
     """Return the diagnosis with every signal left open that its grades call open, beside the verdict on the efforts."""
     off = {
@@ -158,13 +162,12 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
     }
     if not off:
         return found
-    said = [_left_open(axis, signal, x, found) for (axis, signal), x in off.items()]
     unexplained = {axis: dict(row) for axis, row in found.unexplained.items()}
     for axis, signal in off:
         g = found.gap[axis][signal]
         unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
     verdict: Verdict = "partly_explained" if found.effects else "unexplained"
-    parts = [] if found.recording else said
+    parts = [] if found.recording else [_left_open(*at, x, found) for at, x in off.items()]
     told = [found.sentence, *parts]
     if found.verdict == "none":  # that nothing was found stands first, and does not hold
         told = [*parts, *found.sentence.split(". ")[1:]]

@@ -16,7 +16,7 @@ from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.conclusion.advice import advise
 from pinotwin.diagnosis.conclusion.explained import Closed, rival
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gap
-from pinotwin.diagnosis.conclusion.verdict import said, unjudged
+from pinotwin.diagnosis.conclusion.verdict import said, unjudged, unsure_words
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, regions, sizes
@@ -327,9 +327,8 @@ class Answer:
             return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *told]
         if self.judged.unknown:
             row = self.judged.described
-            return [
-                JUDGED["unknown"].format(words="" if row is None else f": {row.axis} {described(row.what)}")
-            ]
+            words = "" if row is None else f": {row.axis} {described(row.what)}"
+            return [JUDGED["unknown"].format(words=words)]
         seen = seen_words([*map(asdict, self.judged.detectable)])
         return [JUDGED["none"], *([seen] if seen else [])]
 
@@ -413,14 +412,12 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     if not effects:
         word = "unexplained" if opened else "none"
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
-    maybe = [JUDGED["possible"].format(causes="; ".join(map(said, possible)))] if possible else []
+    first = [*a.sentence(effects), *unsure_words(possible)]
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
     other = set[str]() if a.recording() else {*opened, *refuted}
     return Diagnosis(
         verdict=word,
-        sentence=". ".join(
-            [*a.sentence(effects), *maybe, *only, *unjudged(c, {str(e.axis) for e in effects})]
-        ),
+        sentence=". ".join([*first, *only, *unjudged(c, {str(e.axis) for e in effects})]),
         differs=list(differ),
         gap=gap,
         where=a.where(),
