@@ -6,12 +6,15 @@ import json
 from pathlib import Path
 from typing import Any, get_args
 
+import msgspec
+
 from pinotwin.diagnosis.result import Diagnosis, Verdict
 from pinotwin.effects import EFFECTS
 from pinotwin.machine.effect_list import types_of
 from pinotwin.machine.loading import REQUIRED, MachineFile
 from pinotwin.system.reading import schema
-from pinotwin.twin.files import twin_schema
+from pinotwin.twin.files import SCHEMA as TWIN_SCHEMA
+from pinotwin.twin.files import Document as TwinDocument
 
 KINDS: dict[type, str] = {str: "string", bool: "boolean", int: "integer", list: "array", dict: "object"}
 """Type of a value -> its name in a schema."""
@@ -64,6 +67,15 @@ def diagnosis_schema() -> dict[str, Any]:
         "properties": keys | {"schema": {"const": empty["schema"]}, "verdict": {"enum": get_args(Verdict)}},
         "required": list(keys),
     }
+
+
+def twin_schema() -> dict[str, Any]:
+    """Return the JSON Schema of twin.json."""
+    out = msgspec.json.schema(TwinDocument)
+    body = out["$defs"][TwinDocument.__name__]
+    body |= {"title": "twin.json of pinotwin", "required": ["schema", *body["required"]]}
+    body["properties"]["schema"] = {"const": TWIN_SCHEMA}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **out}
 
 
 SCHEMAS = {"machine": machine_schema, "twin": twin_schema, "diagnosis": diagnosis_schema}

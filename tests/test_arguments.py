@@ -19,6 +19,7 @@ from pinotwin.cli.arguments import (
     PageFile,
     Repeated,
     Several,
+    Share,
     add_arguments,
     check_outputs,
 )
@@ -32,6 +33,7 @@ def sample(
     logs: Several,
     *,
     rate: float = 2.5,
+    part: Share = 0.02,
     rows: int | None = None,
     mode: Literal["fast", "safe"] = "safe",
     quick: bool = False,
@@ -50,6 +52,7 @@ def sample(
         logs (LOG): its logs, of which there
             may be several
         rate (HZ): 50 % of it
+        part (P): of the whole
         rows (N): how many
         mode: how
         quick: in a hurry
@@ -72,7 +75,14 @@ def test_words_become_values() -> None:
     values = vars(parser().parse_args(["m", "a.csv", "b.csv", "--out", "o"]))
     written = values.pop("written")
     assert values == {
-        **{"machine": "m", "logs": ["a.csv", "b.csv"], "rate": 2.5, "rows": None, "mode": "safe"},
+        **{
+            "machine": "m",
+            "logs": ["a.csv", "b.csv"],
+            "rate": 2.5,
+            "part": 0.02,
+            "rows": None,
+            "mode": "safe",
+        },
         **{"quick": False, "mass": [], "free": None, "validate": [], "cutoff": None, "old_name": False},
         **{"page": None, "effects": [], "json": None, "out": "o"},
     }
@@ -95,6 +105,11 @@ def test_options_stand_anywhere_and_take_one_several_or_none() -> None:
         ("m a", "the following arguments are required: --out"),
         ("--out o", "the following arguments are required: machine, LOG"),
         ("m a --out o --rate x", "argument --rate: invalid float value: 'x'"),
+        (
+            "m a --out o --part 150%",
+            "argument --part: 150%: give a share between 0 and 1, such as 0.02 or 2%",
+        ),
+        ("m a --out o --part few", "argument --part: few: give a share"),
         ("m a --out o --mode slow", "argument --mode: invalid choice: 'slow'"),
     ],
 )
@@ -102,6 +117,11 @@ def test_wrong_words_are_told(words: str, said: str, capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit):
         parser().parse_args(words.split())
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("word", "share"), [("2%", 0.02), ("0.02", 0.02), ("12.5%", 0.125)])
+def test_a_share_is_written_in_per_cent_or_as_a_number(word: str, share: float) -> None:
+    assert parser().parse_args(["m", "a", "--out", "o", "--part", word]).part == pytest.approx(share)
 
 
 def test_help_is_that_of_the_docstring_with_defaults() -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.bench.plants import public_machine, virtual
+from pinotwin.bench.produce import path_of
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
 from pinotwin.diagnosis.days.judge import evidence, likeliest
@@ -67,6 +69,13 @@ def test_friction_that_fell_is_one_factor_of_its_axis(folder: Path, twin: pt.Twi
     if first.effect == "friction_scale":
         assert first.size[0].after == pytest.approx(0.3, abs=0.1)
     assert {e.axis for e in found.effects} == {"X"}
+    logs = [x.log for x in found.prepared]
+    for worth, verdict in [(0.001, found.verdict), (0.9, "none")]:
+        again = pt.diagnose(twin, logs, worth=worth)
+        assert again.verdict == verdict
+        assert again.provenance["options"]["worth"] == worth
+    assert found.gap["X"]["u"].is_open() is False  # by what was named
+    assert again.grade("X") == "above misfit"  # and no more is said than that the residual is larger
 
 
 @pytest.mark.parametrize("load", [1.5, -1.5])
@@ -149,6 +158,26 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
         plain = [r.score for r in rows if r.group not in ("recording", "limit")]
         assert len(plain) > 5
         assert max(plain) <= 1e-9
+
+
+def test_a_change_is_sought_among_all_effects_of_the_catalogue(known_days: Reference) -> None:
+    tried = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns["X"][0]
+    forms = {"stribeck", "presliding", "hysteresis", "position_table", "encoder_error"}
+    assert forms | {"inertial_coupling", "payload", "payload:X"} <= set(tried)
+
+
+def test_a_body_is_named_on_the_link_that_carries_it() -> None:
+    """A body on the cradle: no body on the table that the cradle carries does the same."""
+
+    def day(seed: int, *on: tuple[str, str, float]) -> Log:
+        return virtual("trunnion", on=on).record(path_of("trunnion", 8.0, seed), seed=seed).to_log()
+
+    twin = pt.identify(public_machine("trunnion"), [day(1), day(2)], loop=False)
+    found = pt.diagnose(twin, [day(3, ("inertial_coupling", "A", 0.1))])
+    assert [(e.effect, e.axis) for e in found.effects] == [("payload", "A")]
+    assert found.shrink["A"]["u"].share > 0.9
+    moment = {s.name: s.after for s in found.effects[0].size}
+    assert moment["payload.my"] / moment["payload.mz"] == pytest.approx(-0.8 / 0.5, rel=0.1)  # its lever
 
 
 @pytest.mark.parametrize("when", [[(5.0, 9.0)], [(1.5, 3.5), (6.0, 7.5)], [(0.0, 9.0)]])

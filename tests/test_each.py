@@ -204,7 +204,9 @@ def _stamp(shop: Path, name: str) -> int:
 
 
 def _asked(shop: Path, seed: int) -> each.Asked:
-    return each.Asked(str(shop / "twin"), (), None, True, seed, None)
+    return each.Asked(
+        str(shop / "twin"), (), None, None, {"quick": True, "seed": seed, "false_alarm": 0.02, "worth": 0.01}
+    )
 
 
 def _nights(shop: Path) -> list[str]:
@@ -227,7 +229,7 @@ def _filled(text: str, folder: Path) -> list[str]:
 
 
 def test_a_dead_worker_costs_a_retry_and_one_that_always_dies_a_line(tmp_path: Path) -> None:
-    asked = each.Asked(str(tmp_path / "flag"), (), None, False, 0, None)
+    asked = each.Asked(str(tmp_path / "flag"), (), None, None, {"seed": 0})
     jobs = [each.Job(name, tmp_path / name, "x") for name in ("a", "b", "always", "c")]
     one: Callable = functools.partial(each.do_job, work=dies, asked=asked)
     with engine(2, apart=True) as run_all:
@@ -278,7 +280,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 def _run(tmp_path: Path, work: each.Work, *names: str) -> int:
     for name in names:
         (tmp_path / f"{name}.csv").write_text(name)
-    asked = each.Asked("emps", (), None, True, 0, None)
+    asked = each.Asked("emps", (), None, None, {"quick": True})
     logs = [str(tmp_path / f"{name}.csv") for name in names]
     return each.each_answered(logs, asked, work, tmp_path / "out").code
 
@@ -315,12 +317,15 @@ def test_the_table_never_says_more_than_the_folders(tmp_path: Path) -> None:
 
 
 def _jobs(tmp_path: Path, logs: list[str], **options: float) -> list[each.Job]:
-    return each.jobs_of(logs, each.Asked("emps", (), None, True, 0, None, **options), tmp_path / "out")
+    return each.jobs_of(
+        logs, each.Asked("emps", (), None, None, {"quick": True, **options}), tmp_path / "out"
+    )
 
 
-def test_another_rate_of_false_alarms_is_another_question(tmp_path: Path) -> None:
+@pytest.mark.parametrize("option", ["false_alarm", "worth"])
+def test_another_bar_is_another_question(tmp_path: Path, option: str) -> None:
     (tmp_path / "a.csv").write_text("a night")
-    one, other = (_jobs(tmp_path, [str(tmp_path / "a.csv")], false_alarm=x)[0] for x in (0.02, 0.1))
+    one, other = (_jobs(tmp_path, [str(tmp_path / "a.csv")], **{option: x})[0] for x in (0.02, 0.1))
     assert one.made_of != other.made_of
 
 
@@ -376,7 +381,7 @@ def fails(log: str, asked: each.Asked):
 
 
 def test_an_error_that_nobody_foresaw_keeps_its_traceback(tmp_path: Path) -> None:
-    asked = each.Asked("x", (), None, False, 0, None)
+    asked = each.Asked("x", (), None, None, {"seed": 0})
     job = each.Job("a", tmp_path / "a", "x")
     with engine(1, apart=True) as run_all:
         ((_, error),) = run_all(functools.partial(each.do_job, work=fails, asked=asked), [job], None)

@@ -35,7 +35,8 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
         columns[j] = first.picked(np.nan_to_num(np.stack(table, axis=1)), j)
     for k in range(len(motions)):
         main = max(columns, key=lambda j: float(np.sum(columns[j][:, k] ** 2)) / first.size(j) ** 2)
-        sizes.append(_beside(ground, main, columns[main], k) / _least(ground, main))
+        least = ground.least(main, SETTINGS.share) * first.size(main)
+        sizes.append(_beside(ground, main, columns[main], k) / least)
     return min(sizes)
 
 
@@ -43,9 +44,3 @@ def _beside(g: Ground, joint: int, columns: Floats, k: int) -> float:
     """Return the RMS of one course that neither the twin nor the other courses (m, p) take up [N or N·m]."""
     y, others = columns[:, k], np.column_stack([g.parts[joint][0].twin, np.delete(columns, k, axis=1)])
     return rms(y - others @ np.linalg.lstsq(others, y, rcond=1e-9)[0])
-
-
-def _least(g: Ground, joint: int) -> float:
-    """Return the least RMS that a cause must explain of the effort of an axis [N or N·m]."""
-    size = SETTINGS.share * max(g.samples[0].size(joint), 1e-300)
-    return max(size, g.c.floor[joint]) if g.c.change else size

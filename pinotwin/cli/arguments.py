@@ -11,6 +11,7 @@ import argparse
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
@@ -27,6 +28,7 @@ CsvFile = Annotated[str, "file", "a result over time", ".csv"]
 LOG = ("a log", ".csv", ".parquet")
 LogFile = Annotated[str, "file", *LOG]
 PageFile = Annotated[str, "file", "a page", ".html", ".htm"]
+Share = Annotated[float, "share"]  # ``2%`` or ``0.02``
 Folder = Annotated[str, "folder"]  # a folder that the command writes
 
 SHARED: dict[str, tuple[str | None, str]] = {
@@ -122,11 +124,22 @@ def _options(annotation: Any, default: Any) -> dict[str, Any]:
         out["nargs"] = tag
     elif tag == "append":
         out["action"] = "append"
-    if kind in (int, float):
+    if tag == "share":
+        out["type"] = _share
+    elif kind in (int, float):
         out["type"] = kind
     elif choices := [x for x in (kind, *get_args(kind)) if get_origin(x) is Literal]:
         out["choices"] = get_args(choices[0])
     return out
+
+
+def _share(text: str) -> float:
+    """Return a share that is written as 0.02 or 2%."""
+    with suppress(ValueError):
+        x = float(text.rstrip("%")) / (100.0 if text.endswith("%") else 1.0)
+        if 0.0 < x < 1.0:
+            return x
+    raise argparse.ArgumentTypeError(f"{text}: give a share between 0 and 1, such as 0.02 or 2%")
 
 
 def check_outputs(values: Mapping[str, Any], written: Mapping[str, tuple[str, ...]]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.arguments import Answer, Folder, Repeated, Several
+from pinotwin.cli.arguments import Answer, Folder, Repeated, Several, Share
 from pinotwin.cli.each import Asked, Fill, each_answered
 from pinotwin.cli.inputs import check_there, read_logs, resampled
 from pinotwin.cli.output import columns
@@ -35,7 +35,8 @@ def run(
     workers: int | None = None,
     meshes: str | None = None,
     effects: Repeated = (),
-    false_alarm: float = 0.02,
+    false_alarm: Share = 0.02,
+    worth: Share = 0.01,
     out: Folder,
 ) -> Answer:
     """Diagnose, save, and say what was found, the verdict first.
@@ -53,9 +54,11 @@ def run(
             same), else 1 with --fail-on-gap and any verdict but none, else 0
         workers (N): processes of --each (default: one for each processor)
         false_alarm (P): share of healthy logs that may be called changed, of logs with commands or a twin of three logs
+        worth (P): smallest cause worth a word, over the effort of its axis
         out (PATH): folder for diagnosis.json and its files
     """
-    asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects), false_alarm)
+    options = {"quick": quick, "seed": seed, "false_alarm": false_alarm, "worth": worth}
+    asked = Asked(subject, tuple(validate), resample, meshes, options, tuple(effects))
     if each:
         # what concerns all logs is refused here, in one line, and not in every line of the table
         _loaded(asked)
@@ -94,10 +97,8 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
         subject,
         read_logs(names),
         validate=read_logs(asked.validate) or None,
-        quick=asked.quick,
         report=report,
-        seed=asked.seed,
-        false_alarm=asked.false_alarm,
+        **asked.options,
     )
     return replace(found, provenance={**found.provenance, **stamp(began)})
 

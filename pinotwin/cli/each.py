@@ -43,11 +43,9 @@ class Asked:
     subject: str
     validate: tuple[str, ...]
     resample: float | None
-    quick: bool
-    seed: int
     meshes: str | None
+    options: Mapping[str, Any]  # of pinotwin.diagnose
     effects: tuple[str, ...] = ()
-    false_alarm: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def _made_of(asked: Asked) -> str:
         digest.update(asked.subject.encode())  # the name of a machine that pinotwin brings
     for log in (*asked.validate, *asked.effects):
         digest.update(_digest(log).encode())
-    options = [asked.resample, asked.quick, asked.seed, asked.meshes, asked.false_alarm]
+    options = [asked.resample, asked.meshes, asked.options]
     digest.update(json.dumps(options).encode())
     return digest.hexdigest()
 

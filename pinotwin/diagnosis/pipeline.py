@@ -54,6 +54,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     effects: Sequence[EffectLike] = (),
     closed_loop: bool = True,
     false_alarm: float = 0.02,
+    worth: float = SETTINGS.share,
 ) -> Diagnosis:
     """Say where logs and their model differ, which effects cause it, and how far the residual falls.
 
@@ -69,6 +70,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
         false_alarm: share of healthy logs of which something may be said [1], of logs with commands or a twin of three.
+        worth: smallest cause worth a word, over the effort of its axis [1].
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -79,10 +81,10 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     logs, unseen = as_logs(log), [] if validate is None else as_logs(validate, "validate")
     if not logs:
         raise DataError("no log given; give at least one")
-    c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin))
+    c = replace(compare(subject, logs, unseen, pooled=isinstance(subject, Twin)), worth=worth)
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
-    options["false_alarm"] = false_alarm
+    options |= {"false_alarm": false_alarm, "worth": worth}
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
     shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
@@ -90,7 +92,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     found = diagnosed(c, more, options)
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
-            c = compare(subject, logs, unseen)  # no law of a controller tells the runs apart
+            # no law of a controller tells the runs apart
+            c = replace(compare(subject, logs, unseen), worth=worth)
         found = _by_structure(c, shaken, tell, options)
     found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
     made = provenance(subject, c.logs, c.validation, **options)
@@ -156,7 +159,7 @@ def _concluded(
     axis = next((g[0].partition(".")[0] for g in groups), None)
     opened = {*verdict.unexplained, *(r.axis for r in account.pushed())}
     advice, motions = advise(c, kind, named, opened, {*gaps, *c.gate.unknown}, pairs)
-    rows = [x.row() for x in found.turns[0].ranked if x.worth > SETTINGS.share]
+    rows = [x.row() for x in found.turns[0].ranked if x.worth > c.worth]
     return Diagnosis(
         verdict=verdict.verdict,
         sentence=verdict.sentence,

@@ -35,6 +35,7 @@ class Gap:
     # by how much the signal varies, against which the residual of a machine is judged; its RMS where NaN
     size: float = float("nan")
     unsure: float = 0.0  # what the twin's effort is less sure of in this motion than in its own logs
+    worth: float = 0.0  # least of its variation that is open [1]
 
     @property
     def expected(self) -> float:
@@ -53,7 +54,8 @@ class Gap:
 
     def is_open(self, signal: str = "u") -> bool:
         """Whether more of a signal stays, once the named effects are modelled, than of a healthy axis."""
-        return is_open(self.after, self.noise, self.expected, self.variation, signal=signal)
+        heard = self.after > self.worth * self.variation
+        return heard and is_open(self.after, self.noise, self.expected, self.variation, signal=signal)
 
 
 @dataclass(frozen=True)
@@ -233,6 +235,8 @@ class Diagnosis(Drawn):
         word = grade(
             g.rms, g.expected, g.noise, g.after if shrinks else None, size=g.variation, signal=signal
         )
+        if word == "not explained" and g.after <= g.worth * g.variation:
+            word = "above misfit"  # not worth a word
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal == "e" and word == "gap explained" and g.after > RULES.odd * g.level:

@@ -47,7 +47,7 @@ class _Settings(TypedDict, total=False):
     lead: dict[str, float] | None
 
 
-class _Document(TypedDict):
+class Document(TypedDict):
     """What is read of twin.json."""
 
     parameters: list[dict[str, Any]]
@@ -161,15 +161,6 @@ def document(twin: Twin) -> dict[str, Any]:
     )
 
 
-def twin_schema() -> dict[str, Any]:
-    """Return the JSON Schema of twin.json."""
-    out = msgspec.json.schema(_Document)
-    body = out["$defs"]["_Document"]
-    body |= {"title": "twin.json of pinotwin", "required": ["schema", *body["required"]]}
-    body["properties"]["schema"] = {"const": SCHEMA}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **out}
-
-
 def _fields(effect: Effect) -> dict[str, Any]:
     """Return what :func:`_remade` needs to make the effect again, shapes included."""
     if effect.axis is None:
@@ -199,7 +190,7 @@ def load(folder: Path) -> Twin:
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
         )
     try:
-        stated = msgspec.convert(content, _Document)
+        stated = msgspec.convert(content, Document)
         _check_digests(path.parent, stated["files"], machine)
         return _twin(machine, stated, path.parent)
     except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError) as error:
@@ -219,7 +210,7 @@ def _check_digests(folder: Path, saved: dict[str, str], machine: Machine) -> Non
             )
 
 
-def _twin(machine: Machine, content: _Document, folder: Path) -> Twin:
+def _twin(machine: Machine, content: Document, folder: Path) -> Twin:
     effects = tuple(_remade(machine, item) for item in content["effects"])
     theta = np.array(content["theta"])
     if len(theta) != effect_slices(effects)[-1].stop:

@@ -34,7 +34,7 @@ def gap_table(
         misfit, unsure = _expected(c, j)
         after, size = level * float(np.sqrt(left)), c.new.size(j)
         nrmse = level / max(effort, 1e-300)
-        out[motion.names[j]] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure)}
+        out[motion.names[j]] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure, c.worth)}
     for axis in c.gate.silent:
         j = motion.index(axis)
         rows = judged_rows(motion, j)

@@ -21,6 +21,7 @@ from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.result import Traces
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.scene import with_model_effort
@@ -57,6 +58,7 @@ class Comparison:
     apart: Apart | None = None
     # joint -> RMS of the noise of what is left, which no cause closes [N or N·m]; empty if no repeats tell it
     noise: Mapping[int, float] = field(default_factory=dict)
+    worth: float = SETTINGS.share  # of the effort: the smallest cause worth a word [1]
 
     @property
     def machine(self) -> Machine:

@@ -204,7 +204,7 @@ class Answer:
         twists = [("encoders", {k: s.share for k, s in each.items()}) for _, each in self.between.values()]
         acts = [(e, shares) for e, shares in (*efforts, *twists) if id(x) in shares]
         rest = {e: SETTINGS.trace**2 * (1.0 - closed) for e, closed in x.row.closed.items()}
-        large = [s[id(x)] > max(SETTINGS.share, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
+        large = [s[id(x)] > max(self.c.worth, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
         return any(large) or not acts
 
     def _law(self, row: Row, axis: str) -> Shrink:
@@ -360,7 +360,7 @@ def _judged(
 
     if _proofs(c):
         return Judged([], False, None, [], {}, [])
-    q = Question.of(r, new.stretches, [] if valid is None else valid.stretches)
+    q = replace(Question.of(r, new.stretches, valid.stretches if valid else ()), worth=c.worth)
     return judge(q, trained(), options["false_alarm"], admits, 1 if options["quick"] else 4)
 
 
@@ -378,8 +378,10 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     valid = valid if valid is not None and valid.stretches else None
     a = Answer(c, r, _judged(c, r, new, valid, options), new, valid)
     shown = [x for x in a.named if a.adds(x)]
-    if 0 < len(shown) < len(a.named):  # what others close needs no further name
-        a = Answer(c, r, replace(a.judged, named=[*a.recorded, *shown]), new, valid)
+    if len(shown) < len(a.named):  # what others close, or nothing does, needs no name
+        beside = [x for x in a.named if x not in shown]
+        told = replace(a.judged, named=[*a.recorded, *shown], possible=[*beside, *a.judged.possible][:1])
+        a = Answer(c, r, replace(told, unknown=told.unknown or not shown), new, valid)
     return a
 
 
@@ -398,8 +400,8 @@ def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) 
     if odd:
         names = [Path(x.log.source).name or f"log {k + 1}" for k, x in enumerate(c.logs)]
         kept = [k for k in range(len(names)) if k not in odd]
-        c = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation], pooled=True)
-        c, differ = replace(c, kept=tuple(kept)), [names[k] for k in kept]
+        left = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation], pooled=True)
+        c, differ = replace(left, kept=tuple(kept), worth=c.worth), [names[k] for k in kept]
         a = _answer(c, options) or a
     return _told(a, more, differ)
 

@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Mask
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.mechanisms import GROWS, group_of, knows, part_of
+from pinotwin.diagnosis.days.mechanisms import GROWS, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
@@ -143,42 +143,30 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
     gives = -at.reference.twists.get(at.axis, -np.ones(1))[0]
-    per = f"{at.force}·s/{at.length}"
+    per, mass = f"{at.force}·s/{at.length}", "kg·m²" if at.length == "rad" else "kg"
     table = {
         "coulomb": ("coulomb.c", *dry, at.force),
-        "friction_since": ("coulomb.c", *dry, at.force),
         "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
         "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
         "viscous": ("viscous.b", *viscous, per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
         "drift": ("offset.drift", 0.0, at.effort, at.force),
-        "inertia": (
-            "payload.inertia",
-            0.0,
-            at.effort / at.spread("a"),
-            "kg·m²" if at.length == "rad" else "kg",
-        ),
+        "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), mass),
         "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
         "compliance": ("drive_flexibility.compliance", gives, gives, f"{at.length}/{at.force}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
-        "torque_constant": ("effort_scale.share", 0.0, 1.0, "-"),
-        "torque_fades": ("effort_scale.share", 0.0, 1.0, "-"),
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
         "zero": ("zero.shift", 0.0, 1.0, at.length),
-        "zero_since": ("zero.shift", 0.0, 1.0, at.length),
         "encoder_step": ("encoder_step.step", 0.0, 1e-4, at.length),
-        "load_moved": ("encoder_step.step", 0.0, 1e-4, at.length),
         "encoder_scale": ("encoder_scale.error", 0.0, 1e-4, "1"),
-        "encoder_grows": ("encoder_scale.error", 0.0, 1e-4, "1"),
+        "backlash": ("backlash.gap", 0.0, 1e-4, at.length),
         "tooth": ("position_table.peak", 0.0, at.effort, at.force),
         "limit": ("saturation.limit", np.inf, 1.0, at.force),
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
-    found = table.get(name)
-    if found is None and group_of(name) == "play":
-        return "backlash.gap", 0.0, 1e-4, at.length
+    found = table.get(name, table.get(effect_of(name)))
     plain = found is None or (name == "position_gain" and not kp)
     return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.candidates.catalogue import BESIDE, Joined, Worn
-from pinotwin.diagnosis.days.mechanisms import FORMS
+from pinotwin.diagnosis.candidates.catalogue import APART, BESIDE, SAME, SUMS, Joined, Worn
+from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.places import Local, Whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
@@ -20,6 +21,8 @@ from pinotwin.effects.tree import Tree
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
+Gain = Callable[[Effect], float]
+
 
 def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     """Return efforts of an axis that its twin may lack, each at the shapes that explain most of what is left.
@@ -28,39 +31,45 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     """
     twin = r.twin
     tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
-    thin = [s.motion.at(s.rows) for s in w.logs]
+    gain = partial(_gain, w, Motion.join([s.motion.at(s.rows) for s in w.logs]))
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
-    for kind in (every[x] for x in every if x in FORMS or x not in EFFECTS):
+    # judged in another way, sums of others, or faster than the low-pass
+    other = (*GROUP, *APART, *SAME, *SUMS, "geometric_error", "backlash")
+    for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
         beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
         tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
-        gains = [_gain(w, e, thin) for e in tried]
-        if max(gains, default=-np.inf) > -np.inf:
-            best = _polished(w, tried, int(np.argmax(gains)), thin)
-            out[kind.name] = _local(w, best, float(np.log(len(tried))))
+        best = _best(tried, gain) if tried else None
+        if best is not None:
+            out[kind.name] = _local(w, _polished(tried, best, gain), float(np.log(len(tried))))
     return out
 
 
-def _polished(w: Whitened, tried: Sequence[Effect], best: int, thin: Sequence[Motion]) -> Effect:
+def _best(tried: Sequence[Effect], gain: Gain) -> Effect | None:
+    """Return the best of some forms, the first of its shapes at one value of the others; None without a course."""
+    best = max({tuple(e.shape_values()[:1]): e for e in tried}.values(), key=gain)
+    best = max((e for e in tried if [*e.shape_values()[:1]] == [*best.shape_values()[:1]]), key=gain)
+    return best if np.isfinite(gain(best)) else None
+
+
+def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:
     """Return the best form, its one shape searched between those beside it."""
-    one = tried[best]
     if len(one.shapes()) != 1 or len(tried) < 2:
         return one
     every = np.sort([e.shape_values()[0] for e in tried])
     at = int(np.searchsorted(every, one.shape_values()[0]))
     span = every[[max(at - 1, 0), min(at + 1, len(every) - 1)]]
     found = minimize_scalar(
-        lambda x: -_gain(w, one.shaped([x]), thin), bounds=span, method="bounded", options={"maxiter": 15}
+        lambda x: -gain(one.shaped([x])), bounds=span, method="bounded", options={"maxiter": 15}
     )
     return one.shaped([float(found.x)])
 
 
-def _gain(w: Whitened, effect: Effect, thin: Sequence[Motion]) -> float:
+def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
     """Return what a form may explain less what its numbers cost [nats], by its columns before the low-pass."""
-    each = [_values(effect, m) for m in thin]
-    both = np.sum([y @ x for x, y in zip(each, w.back, strict=True)], axis=0)
-    own = np.sum([x.T @ (x * d[:, None]) for x, d in zip(each, w.density, strict=True)], axis=0)
+    x = _values(effect, thin)
+    both, own = np.concatenate(w.back) @ x, x.T @ (x * np.concatenate(w.density)[:, None])
     seen = np.diag(own) > 0.0
     if not seen.any():
         return -np.inf

@@ -17,7 +17,7 @@ from pinotwin.diagnosis.days.mechanisms import READ, group_of
 from pinotwin.diagnosis.days.recording import recording_rows
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
-from pinotwin.diagnosis.days.rows import Asked, by_score
+from pinotwin.diagnosis.days.rows import Asked, by_score, least_share
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
 
@@ -137,7 +137,8 @@ def judge(
         questions.append((rows, asked))
         one = likeliest(case, P)
         possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
-        if P[0] >= limit:
+        told = [one.row] if one else case.described[:1]
+        if P[0] >= limit or any(r.worth < least_share(r.group, q.worth) for r in told):
             break
         if one is None or one.probability < SETTINGS.likely:
             unknown, described = True, next(iter(case.described), None)

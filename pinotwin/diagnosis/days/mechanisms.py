@@ -20,16 +20,6 @@ from pinotwin.signals import rms
 Acts = dict[str, Floats]
 READ, TOLD = "read", "told"
 """Marks of a cause that is in the reading of the effort alone, and of a body that the controllers are told of."""
-FORMS = (
-    "delay",
-    "stribeck",
-    "quadratic_drag",
-    "viscous_thermal",
-    "load_friction",
-    "ripple",
-    "position_table",
-)
-"""Effects of the catalogue that are tried with columns of their own."""
 GROUPS = {
     "friction": ("friction_scale", "coulomb", "viscous"),
     "onset": ("friction_since", "friction_at_start"),
@@ -48,7 +38,7 @@ GROUPS = {
     "play": ("lost_motion", "lost_motion_by_load", "lost_motion_either_side", "load_moved"),
     "time": ("push", "cut"),
     "place": ("tooth", "snag"),
-    "form": FORMS,
+    "form": (),  # every other effect of the catalogue, and those that a user brings
     "scale": ("effort_scale", "effort_late", "torque_constant", "torque_fades"),
     "encoder": ("encoder_scale", "encoder_grows", "encoder_step"),
     "limit": ("limit",),
@@ -68,28 +58,22 @@ GROUP = {name: group for group, names in GROUPS.items() for name in names}
 
 
 def group_of(name: str) -> str:
-    """Return the group of a row; of an effect that a user brings that of the forms."""
+    """Return the group of a row; forms are what no other group has."""
     return GROUP.get(name, "form")
 
 
 GROWS = ("drift", "torque_fades", "encoder_grows")
 """What grows with a log's own time: no other log tells how far it has come there."""
 POSSIBLE = {
-    "friction_scale": (-1.0, 9.0),
-    "coulomb": (-1.0, 9.0),
-    "viscous": (-1.0, 9.0),
-    "friction_since": (-1.0, 9.0),
+    **dict.fromkeys(("friction_scale", "coulomb", "viscous", "friction_since"), (-1.0, 9.0)),
+    **dict.fromkeys(("position_gain", "loop_gain", "proportional_gain"), (-0.9, 9.0)),
+    **dict.fromkeys(("torque_constant", "torque_fades"), (-0.95, 9.0)),
+    **dict.fromkeys((x for x in GROUPS["play"] if x.startswith("lost_motion")), (0.0, 10.0)),
     "friction_at_start": (0.0, 99.0),
     "effort_scale": (-9.0, 9.0),
-    "torque_constant": (-0.95, 9.0),
-    "torque_fades": (-0.95, 9.0),
-    "position_gain": (-0.9, 9.0),
-    "loop_gain": (-0.9, 9.0),
     "integral": (-1.5, 9.0),
-    "proportional_gain": (-0.9, 9.0),
     "velocity_feedforward": (-2.0, 9.0),
     "acceleration_feedforward": (-4.0, 9.0),
-    **dict.fromkeys((x for x in GROUPS["play"] if x.startswith("lost_motion")), (0.0, 10.0)),
     "compliance": (-1.0, 1e4),
 }
 """Numbers that a machine can have after the change; of lost motion a millimetre, for more is a tooth or a slip."""
@@ -205,7 +189,7 @@ def after_starts(s: Stretch, name: str, long: float) -> Floats:
 
 
 def zeros(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
-    """Return what a zero off by one unit does to every effort: axis of the zero -> axis -> -d tau / d q, (n,)."""
+    """Return what a zero off by one unit does to every effort: ``zero:AXIS`` -> axis -> -d tau / d q, (n,)."""
     names, out = r.twin.machine.names, {}
     q = s.motion.q[s.rows]
     still, step = np.zeros_like(q), 1e-3
@@ -214,20 +198,26 @@ def zeros(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
         low, high = (r.twin.predict(q + x * move, still, still) for x in (1.0, -1.0))
         turn = s.low((high - low) / (2.0 * step))
         if np.std(turn[:, names.index(name)]) > 1e-3 * r.widths[name]["effort"]:
-            out[name] = {k: turn[:, names.index(k)] for k in r.axes}
+            out[f"zero:{name}"] = {k: turn[:, names.index(k)] for k in r.axes}
     return out
 
 
-def bodies(r: Reference, s: Stretch) -> dict[str, Floats]:
-    """Return what a body on the last link does on every axis: axis -> mass, first moments, inertia, (n, 5)."""
-    machine = r.twin.machine
+def bodies(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
+    """Return what a body does on every axis: ``payload`` on the last link, ``payload:AXIS`` on that of an axis.
+
+    Each has mass, first moments and inertia as columns (n, 5) by axis.
+    """
+    machine, out = r.twin.machine, dict[str, dict[str, Floats]]()
     if len(r.axes) < 2:
-        return {}  # nothing tells it from an inertia
+        return out  # nothing tells it from an inertia
     tree = Tree(r.twin.model, machine.names, machine.rotary)
-    values = Payload(r.axes[-1]).bound(tree).columns(s.motion).values
-    inertia = values[:, :, [4, 6, 9]].sum(axis=2)
     at = {name: machine.names.index(name) for name in r.axes}
-    return {name: s.taken(np.column_stack([values[:, j, :4], inertia[:, j]])) for name, j in at.items()}
+    for link in r.axes:
+        values = Payload(link).bound(tree).columns(s.motion).values
+        inertia = values[:, :, [4, 6, 9]].sum(axis=2)
+        cause = "payload" if link == r.axes[-1] else f"payload:{link}"
+        out[cause] = {k: s.taken(np.column_stack([values[:, j, :4], inertia[:, j]])) for k, j in at.items()}
+    return out
 
 
 def hats(x: Floats, count: int) -> Floats:

@@ -13,6 +13,7 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.mechanisms import TOLD, Acts
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 
 ALL = "*"
@@ -100,6 +101,7 @@ class Question:
     left: Sequence[Left]
     valid: Sequence[Stretch] = ()
     valid_left: Sequence[Left] = ()
+    worth: float = SETTINGS.share  # of the effort: the smallest cause worth a word [1]
 
     @classmethod
     def of(cls, r: Reference, logs: Sequence[Stretch], valid: Sequence[Stretch] = ()) -> Question:
@@ -112,7 +114,7 @@ class Question:
         if not factors:
             return self
         logs, valid = ([s.scaled(factors) for s in x] for x in (self.logs, self.valid))
-        return Question.of(self.reference, logs, valid)
+        return replace(Question.of(self.reference, logs, valid), worth=self.worth)
 
     def ends(self) -> dict[str, tuple[float, float]]:
         """Return axis -> ends of its travel in all logs [m or rad]."""

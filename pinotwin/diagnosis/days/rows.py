@@ -72,7 +72,7 @@ class Asked:
         if place is not None and place.form is not None and not possible(self.r, place, theta, error):
             return None
         small = abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
-        small |= worth < least_share(group)
+        small |= worth < least_share(group, min(self.q.worth, SETTINGS.share))  # larger: see judge
         if small or not _can_be(short, theta, error):
             return None
         by = {"day": with_it.cost - alone.cost}
@@ -128,7 +128,7 @@ class Asked:
         if not use or len(use[0][1]) != 1:
             return None
         one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False)
-        told = max(SETTINGS.told.get(group_of(cause), 0.0), SETTINGS.share / max(one, 1e-300))
+        told = max(SETTINGS.told.get(group_of(cause), 0.0), self.q.worth / max(one, 1e-300))
         return (float(score(use, 1).error[0]), told) if one else None  # a part that the twin has not
 
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
@@ -208,9 +208,9 @@ def _can_be(name: str, theta: Floats, error: Floats) -> bool:
     return bool(len(theta) > 1 or low - 2.0 * error[-1] <= theta[-1] <= high)
 
 
-def least_share(group: str) -> float:
-    """Return the least of an effort worth a word [1]; what acts for a while must be larger."""
-    return SETTINGS.share * (5.0 if group in ("time", "place") else 1.0)
+def least_share(group: str, worth: float) -> float:
+    """Return the least of an effort worth a word [1]: ``worth``, and more of what acts for a while."""
+    return worth * (5.0 if group in ("time", "place") else 1.0)
 
 
 def _shapes(q: Question, found: Sequence[Row]) -> Shapes:

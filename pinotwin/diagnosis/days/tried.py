@@ -25,6 +25,7 @@ from pinotwin.diagnosis.days.mechanisms import (
     zeros,
 )
 from pinotwin.diagnosis.days.places import Local, local, whitened
+from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
 
@@ -85,36 +86,30 @@ class Tried:
         return out
 
     def _wide(self, left: Sequence[Left]) -> dict[str, list[dict[str, Floats]]]:
-        """Return what acts on several axes, in every stretch: a body on the last link, the zero of a joint."""
-        logs, out = self.q.logs, dict[str, list[dict[str, Floats]]]()
-        body, turns = [bodies(self.r, s) for s in logs], [zeros(self.r, s) for s in logs]
-        if body[0]:
-            out["payload"], self.wide["payload"] = body, ALL
-            self.wide |= {f"payload:{TOLD}": ALL} if self.r.laws else {}
-        for name in [k for k in turns[0] if all(k in x for x in turns)]:
-            out[f"zero:{name}"] = [x[name] for x in turns]
-            found = since(logs, [x[name][name] for x in turns], left, (name, "plant"))
+        """Return what acts on several axes, in every stretch, and zeros that moved within a log."""
+        logs, out = self.q.logs, _several(self.r, self.q.logs)
+        for name in [k.partition(":")[2] for k in out if k.startswith("zero:")]:
+            turns = out[f"zero:{name}"]
+            found = since(logs, [x[name] for x in turns], left, (name, "plant"))
             if found is not None:
                 self.courses[name, "zero_since"] = found
-                out[f"zero_since:{name}"] = [
-                    {k: y * (s.t > t) for k, y in x[name].items()}
-                    for s, x, t in zip(logs, turns, found.since, strict=True)
-                ]
-        self.wide |= {k: k.partition(":")[2] for k in out if k != "payload"}
+                each = zip(logs, turns, found.since, strict=True)
+                out[f"zero_since:{name}"] = [{k: y * (s.t > t) for k, y in x.items()} for s, x, t in each]
+        self.wide |= {k: k.partition(":")[2] or ALL for k in out}
+        self.wide |= {f"payload:{TOLD}": ALL} if "payload" in out and self.r.laws else {}
         return out
 
     def _validation(self) -> dict[str, Columns]:
         """Return the causes in the validation logs whose columns do not hang on the logs in question."""
         q, r, out, ends = self.q, self.r, {}, self.q.ends()
-        body, turns = [bodies(r, s) for s in q.valid], [zeros(r, s) for s in q.valid]
+        wide = _several(r, q.valid)
         for name in r.axes:
             each = []
             for k, (s, left) in enumerate(zip(q.valid, q.valid_left, strict=True)):
                 acts = mechanisms(r, s, name, left, float(len(q.logs)))
                 told = descriptions(r, s, name, ends, (0, len(q.logs)), program=False)
                 acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
-                acts |= {"payload": {"plant": body[k][name]}} if body[k] else {}
-                acts |= {f"zero:{j}": {"plant": x[name]} for j, x in turns[k].items()}
+                acts |= {cause: {"plant": x[k][name]} for cause, x in wide.items()}
                 acts |= self._known(s, name)
                 acts |= _misread(acts) if (name, "law") in left else {}
                 acts |= _told(acts, name, list(r.laws))
@@ -134,6 +129,12 @@ class Tried:
             out["tooth"] = {"plant": s.low(x) * size}
         told = {k: x for (axis, k), x in self.local.items() if axis == name and x.form is not None}
         return out | {k: {"plant": again(x, s)} for k, x in told.items()}
+
+
+def _several(r: Reference, logs: Sequence[Stretch]) -> dict[str, list[dict[str, Floats]]]:
+    """Return what acts on several axes, in every stretch: a body on a link, the zero of a joint."""
+    each = [bodies(r, s) | zeros(r, s) for s in logs]
+    return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
 def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
