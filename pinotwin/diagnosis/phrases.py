@@ -127,6 +127,7 @@ def follows(name: str, what: str, since: Sequence[float]) -> str:
         "drift": "it grows through the runs",
         "encoder_grows": "it grows through the run",
         "cross_friction": f"it is dry friction that changes with the position of {what}",
+        **dict.fromkeys(("motor_coulomb", "motor_viscous"), "it is friction of the motor, not of one axis"),
         "cut": "it comes at the same instants of every run: a process force",
         "push": "it comes at other instants in every run",
         "snag": "it drags at one place on some passes only",

@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Mask
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.mechanisms import GROWS, knows, part_of
+from pinotwin.diagnosis.days.mechanisms import GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
@@ -22,6 +22,8 @@ EFFECT = {
     "friction_since": "coulomb",
     "friction_at_start": "coulomb",
     "cross_friction": "coulomb",
+    "motor_coulomb": "coulomb",
+    "motor_viscous": "viscous",
     "drift": "offset",
     "zero_since": "zero",
     "inertia": "payload",
@@ -147,6 +149,8 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     table = {
         "coulomb": ("coulomb.c", *dry, at.force),
         "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
+        "motor_coulomb": ("coulomb.of_motor", 0.0, at.effort, at.force),
+        "motor_viscous": ("viscous.of_motor", 0.0, at.effort / at.spread("v"), per),
         "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
         "viscous": ("viscous.b", *viscous, per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
@@ -193,9 +197,7 @@ def regions(row: Row, at: Place) -> list[Region]:
     total = max(sum(float(x @ x) for x in left), 1e-300)
     count = sum(len(x) for x in left)
 
-    def region(
-        kind: str, span: tuple[float, float], unit: str, rows: list[Mask], other: str | None = None
-    ) -> Region:
+    def region(kind: str, span: Ends, unit: str, rows: list[Mask], other: str | None = None) -> Region:
         power = sum(float(x[m] @ x[m]) for x, m in zip(left, rows, strict=True))
         share = sum(int(m.sum()) for m in rows) / count
         return Region(at.axis, signal, kind, span, unit, power / total, share, None, other)
@@ -229,5 +231,5 @@ def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
     return [(k, t, float(at.logs[k].t[-1])) for k, t in enumerate(since)]
 
 
-def _within(at: Place, axis: str, channel: str, span: tuple[float, float]) -> list[Mask]:
+def _within(at: Place, axis: str, channel: str, span: Ends) -> list[Mask]:
     return [(s.axes[axis][channel] >= span[0]) & (s.axes[axis][channel] <= span[1]) for s in at.logs]

@@ -41,6 +41,7 @@ FEATURES: Mapping[str, int] = {
     "stays open": -1,
 }
 """What speaks for a cause, and the sign that its weight must have; 0 for either."""
+Numbers = Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +62,7 @@ class Case:
     first: bool = True
 
     @classmethod
-    def of(
-        cls,
-        rows: Sequence[Row],
-        open_: Mapping[str, float],
-        noise: Mapping[str, float],
-        logs: int,
-        *,
-        first: bool,
-    ) -> Case:
+    def of(cls, rows: Sequence[Row], open_: Numbers, noise: Numbers, logs: int, *, first: bool) -> Case:
         """Return the case of a question's rows.
 
         What gains nothing, or a validation log contradicts, is no cause. Neither is what acts at instants or places,

@@ -18,12 +18,13 @@ from pinotwin.effects.tree import Tree
 from pinotwin.signals import rms
 
 Acts = dict[str, Floats]
+Ends = tuple[float, float]
 READ, TOLD = "read", "told"
 """Marks of a cause that is in the reading of the effort alone, and of a body that the controllers are told of."""
 GROUPS = {
     "friction": ("friction_scale", "coulomb", "viscous"),
     "onset": ("friction_since", "friction_at_start"),
-    "cross": ("cross_friction",),
+    "cross": ("cross_friction", "motor_coulomb", "motor_viscous"),
     "offset": ("offset", "drift", "zero", "zero_since"),
     "body": ("inertia", "payload"),
     "flex": ("drive_flexibility", "compliance"),
@@ -220,6 +221,22 @@ def bodies(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
     return out
 
 
+def motors(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
+    """Return what friction of a motor that turns several axes does: ``motor_coulomb:AXIS`` -> axis -> (n,)."""
+    machine, out = r.twin.machine, dict[str, dict[str, Floats]]()
+    at = [machine.names.index(k) for k in r.axes]
+    ratios = np.eye(len(at)) if machine.transmission is None else machine.transmission[np.ix_(at, at)]
+    for motor, ratio in zip(r.axes, ratios, strict=True):
+        if np.count_nonzero(ratio) > 1:
+            shares = ratio / np.abs(ratio).max()
+            v = sum(x * s.axes[k]["v"] for k, x in zip(r.axes, shares, strict=True))
+            parts = {"coulomb": s.low(v / np.hypot(v, 0.003 * np.abs(v).max())), "viscous": v / np.std(v)}
+            for part, x in parts.items():
+                y = x * r.widths[motor]["effort"]
+                out[f"motor_{part}:{motor}"] = {k: c * y for k, c in zip(r.axes, shares, strict=True)}
+    return out
+
+
 def hats(x: Floats, count: int) -> Floats:
     """Return piecewise linear functions that sum to one, at ``count`` knots of 0..1, shape (n, count)."""
     x = np.clip(x, 0.0, 1.0) * (count - 1)
@@ -227,13 +244,7 @@ def hats(x: Floats, count: int) -> Floats:
 
 
 def descriptions(
-    r: Reference,
-    s: Stretch,
-    name: str,
-    ends: dict[str, tuple[float, float]],
-    run: tuple[int, int],
-    *,
-    program: bool,
+    r: Reference, s: Stretch, name: str, ends: dict[str, Ends], run: tuple[int, int], *, program: bool
 ) -> dict[str, Floats]:
     """Return smooth functions of every channel, (n, k) each, as an effort or dry friction of a fifth of the effort.
 
@@ -260,16 +271,12 @@ def descriptions(
             both(f"place of {other}", o["q"], *ends[other], 6, ("", "dry "))
             both(f"speed of {other}", o["v"], -r.top[other], r.top[other], 5, ("",))
     both("speed", c["v"], -r.top[name], r.top[name], 8, ("",))
-    wide = 3.0 * float(np.std(c["a"]))
-    both("acceleration", c["a"], -wide, wide, 7, ("",))
-    wide = 2.5 * float(np.std(c["rest"]))
-    both("load", c["rest"], -wide, wide, 6, ("dry ",))
-    B = hats(s.t / s.t[-1], 9) * w
-    at, many = run
+    a, rest = 3.0 * float(np.std(c["a"])), 2.5 * float(np.std(c["rest"]))
+    both("acceleration", c["a"], -a, a, 7, ("",))
+    both("load", c["rest"], -rest, rest, 6, ("dry ",))
+    B, (at, many) = hats(s.t / s.t[-1], 9) * w, run
     for kind in ("", "dry "):
-        x = np.zeros((len(s.t), 9 * many))
-        x[:, 9 * at : 9 * (at + 1)] = B * c["sg"][:, None] if kind else B
-        out[f"{kind}time"] = x
+        out[f"{kind}time"] = np.kron(np.eye(many)[at], B * c["sg"][:, None] if kind else B)
     if program:
         out["program"] = hats(s.t / s.t[-1], 40) * w
     return out
@@ -277,16 +284,12 @@ def descriptions(
 
 def one_program(r: Reference, logs: Sequence[Stretch]) -> bool:
     """Whether all stretches follow one command."""
-    if len(logs) < 2:
-        return False
-    n = min(len(s.t) for s in logs)
-    if max(len(s.t) for s in logs) - n >= 3:
+    lengths = [len(s.t) for s in logs]
+    commanded = all("qr" in s.axes[name] for s in logs for name in r.axes)
+    if len(logs) < 2 or max(lengths) - min(lengths) >= 3 or not commanded:
         return False
     for name in r.axes:
-        if any("qr" not in s.axes[name] for s in logs):
+        first, *others = (s.axes[name]["qr"][: min(lengths) - 3] for s in logs)
+        if max(np.std(first - x) for x in others) > 0.05 * max(float(np.std(first)), 1e-300):
             return False
-        first = logs[0].axes[name]["qr"][: n - 3]
-        for s in logs[1:]:
-            if np.std(first - s.axes[name]["qr"][: n - 3]) > 0.05 * max(float(np.std(first)), 1e-300):
-                return False
     return True

@@ -21,6 +21,7 @@ from pinotwin.diagnosis.days.mechanisms import (
     descriptions,
     group_of,
     mechanisms,
+    motors,
     one_program,
     zeros,
 )
@@ -132,8 +133,8 @@ class Tried:
 
 
 def _several(r: Reference, logs: Sequence[Stretch]) -> dict[str, list[dict[str, Floats]]]:
-    """Return what acts on several axes, in every stretch: a body on a link, the zero of a joint."""
-    each = [bodies(r, s) | zeros(r, s) for s in logs]
+    """Return what acts on several axes, in every stretch: a body on a link, a motor, the zero of a joint."""
+    each = [bodies(r, s) | motors(r, s) | zeros(r, s) for s in logs]
     return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
