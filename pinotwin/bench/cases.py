@@ -13,7 +13,7 @@ import numpy as np
 from pinotwin.bench import catalogue
 from pinotwin.bench.plants import listing, public_machine
 
-MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "random:31", "random:32")
+MACHINES = ("trunnion", "laser_driller", "emps", "random:33", "random:34", "random:35", "random:36")
 """Machines of a bench by default; random machines of smaller numbers were seen in development."""
 
 HEALTHY_CASES, DOUBLE_CASES, LEFT_OUT_CASES = 26, 10, 8

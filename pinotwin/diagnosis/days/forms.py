@@ -35,7 +35,7 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
-    # judged in another way, sums of others, or faster than the low-pass
+    # judged in another way, sums of others, faster than the low-pass; a tilt acts on every axis and is not tried
     other = (*GROUP, *APART, *SAME, *SUMS, "geometric_error", "backlash")
     for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
         beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
