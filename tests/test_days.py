@@ -162,8 +162,9 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
 
 def test_a_change_is_sought_among_all_effects_of_the_catalogue(known_days: Reference) -> None:
     tried = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns["X"][0]
-    forms = {"stribeck", "presliding", "hysteresis", "position_table", "encoder_error"}
+    forms = {"stribeck", "hysteresis", "position_table", "encoder_error"}
     assert forms | {"inertial_coupling", "payload", "payload:X"} <= set(tried)
+    assert "presliding" not in tried  # dry friction by another law
 
 
 def test_a_body_is_named_on_the_link_that_carries_it() -> None:

@@ -35,8 +35,8 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
-    # judged in another way, sums of others, faster than the low-pass; a tilt acts on every axis and is not tried
-    other = (*GROUP, *APART, *SAME, *SUMS, "geometric_error", "backlash")
+    # judged in another way, sums or other laws of what is tried, faster than the low-pass; a tilt acts on every axis
+    other = (*GROUP, *APART, *SAME, *SUMS, "geometric_error", "backlash", "presliding", "viscous_asymmetric")
     for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
         beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
         tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
