@@ -203,7 +203,7 @@ class Answer:
         efforts = [("plant", {id(who): c.share for who, c in each}) for each in self.closed.values()]
         twists = [("encoders", {k: s.share for k, s in each.items()}) for _, each in self.between.values()]
         acts = [(e, shares) for e, shares in (*efforts, *twists) if id(x) in shares]
-        rest = {e: SETTINGS.trace**2 * (1.0 - closed) for e, closed in x.row.closed.items()}
+        rest = {e: SETTINGS.trace**2 * (1.0 - np.clip(y, 0.0, 1.0)) for e, y in x.row.closed.items()}
         large = [s[id(x)] > max(self.c.worth, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
         return any(large) or not acts
 
