@@ -160,7 +160,7 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
         assert max(plain) <= 1e-9
 
 
-def test_a_change_is_sought_among_all_effects_of_the_catalogue(known_days: Reference) -> None:
+def test_a_change_is_sought_among_the_effects_of_the_catalogue(known_days: Reference) -> None:
     tried = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns["X"][0]
     forms = {"stribeck", "hysteresis", "position_table", "encoder_error"}
     assert forms | {"inertial_coupling", "payload", "payload:X"} <= set(tried)
