@@ -124,10 +124,8 @@ def _options(annotation: Any, default: Any) -> dict[str, Any]:
         out["nargs"] = tag
     elif tag == "append":
         out["action"] = "append"
-    if tag == "share":
-        out["type"] = _share
-    elif kind in (int, float):
-        out["type"] = kind
+    if kind in (int, float):
+        out["type"] = _share if tag == "share" else kind
     elif choices := [x for x in (kind, *get_args(kind)) if get_origin(x) is Literal]:
         out["choices"] = get_args(choices[0])
     return out

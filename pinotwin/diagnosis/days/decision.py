@@ -56,8 +56,8 @@ class Case:
 
     causes: Sequence[Row]
     described: Sequence[Row]
-    open: Mapping[str, float]
-    noise: Mapping[str, float]
+    open: Numbers
+    noise: Numbers
     logs: int
     first: bool = True
 
@@ -81,7 +81,7 @@ class Case:
         causes = [r for r in rows if r.group != "describe" and stands(r)]
         return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)
 
-    def features(self, null: Mapping[str, float]) -> Floats:
+    def features(self, null: Numbers) -> Floats:
         """Return a row for nothing, one for something unknown, and one for every cause, shape (2 + causes, k)."""
         f, g = len(FEATURES), len(GROUP_NAMES)
         X = np.zeros((len(self.causes) + 2, f + g + 8))
@@ -132,7 +132,7 @@ class Case:
             out += max(wide, sum(best.values()) if r.axis == ALL else best.get(r.axis, 0.0))
         return out
 
-    def _speaks(self, r: Row, top: float, null: Mapping[str, float]) -> list[float]:
+    def _speaks(self, r: Row, top: float, null: Numbers) -> list[float]:
         gain, day = max(sum(r.by.values()), 1e-9), r.by.get("day", 0.0)
         words = [x.score for x in self.described if x.axis == r.axis]
         searched, transform = r.group in ("time", "place"), r.group in ("recording", "limit")
@@ -183,7 +183,7 @@ class Decision:
     mean: Floats
     scale: Floats
     weights: Floats
-    null: Mapping[str, float]
+    null: Numbers
     limits: Mapping[str, Mapping[float, float]]
     bars: Mapping[str, Mapping[str, float]]
 

@@ -16,6 +16,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.known import known as known_effects
 from pinotwin.effects.tree import Tree
 from pinotwin.motion import Motion
@@ -31,12 +32,14 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     """
     twin = r.twin
     tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
-    gain = partial(_gain, w, Motion.join([s.motion.at(s.rows) for s in w.logs]))
+    thin = Motion.join([s.motion.at(s.rows) for s in w.logs])
+    gain = partial(_gain, np.concatenate(w.back), np.concatenate(w.density), thin)
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
     # judged in another way, sums or other laws of what is tried, faster than the low-pass; a tilt acts on every axis
-    other = (*GROUP, *APART, *SAME, *SUMS, "geometric_error", "backlash", "presliding", "viscous_asymmetric")
+    laws = [k for k, x in every.items() if x.family is FRICTION and x.contains]
+    other = (*GROUP, *APART, *SAME, *SUMS, *laws, "geometric_error", "backlash")
     for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
         beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
         tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
@@ -48,8 +51,8 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
 
 def _best(tried: Sequence[Effect], gain: Gain) -> Effect | None:
     """Return the best of some forms, the first of its shapes at one value of the others; None without a course."""
-    best = max({tuple(e.shape_values()[:1]): e for e in tried}.values(), key=gain)
-    best = max((e for e in tried if [*e.shape_values()[:1]] == [*best.shape_values()[:1]]), key=gain)
+    first = max({e.shape_values()[:1]: e for e in tried}.values(), key=gain)
+    best = max((e for e in tried if e.shape_values()[:1] == first.shape_values()[:1]), key=gain)
     return best if np.isfinite(gain(best)) else None
 
 
@@ -66,10 +69,10 @@ def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:
     return one.shaped([float(found.x)])
 
 
-def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
+def _gain(back: Floats, density: Floats, thin: Motion, effect: Effect) -> float:
     """Return what a form may explain less what its numbers cost [nats], by its columns before the low-pass."""
     x = _values(effect, thin)
-    both, own = np.concatenate(w.back) @ x, x.T @ (x * np.concatenate(w.density)[:, None])
+    both, own = back @ x, x.T @ (x * density[:, None])
     seen = np.diag(own) > 0.0
     if not seen.any():
         return -np.inf

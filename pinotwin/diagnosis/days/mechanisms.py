@@ -228,12 +228,11 @@ def motors(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
     ratios = np.eye(len(at)) if machine.transmission is None else machine.transmission[np.ix_(at, at)]
     for motor, ratio in zip(r.axes, ratios, strict=True):
         if np.count_nonzero(ratio) > 1:
-            shares = ratio / np.abs(ratio).max()
+            shares, size = ratio / np.abs(ratio).max(), r.widths[motor]["effort"]
             v = sum(x * s.axes[k]["v"] for k, x in zip(r.axes, shares, strict=True))
             parts = {"coulomb": s.low(v / np.hypot(v, 0.003 * np.abs(v).max())), "viscous": v / np.std(v)}
             for part, x in parts.items():
-                y = x * r.widths[motor]["effort"]
-                out[f"motor_{part}:{motor}"] = {k: c * y for k, c in zip(r.axes, shares, strict=True)}
+                out[f"motor_{part}:{motor}"] = {k: c * x * size for k, c in zip(r.axes, shares, strict=True)}
     return out
 
 
