@@ -70,8 +70,8 @@ def twin(machine: pt.Machine) -> pt.Twin:
 @pytest.mark.parametrize(
     ("change", "axis", "number", "size"),
     [
-        ({"motor": {0: 1.5}}, "X", "coulomb.of_motor", 1.5),
-        ({"motor": {1: 1.0}}, "Y", "coulomb.of_motor", 1.0),
+        ({"motor": {0: 1.5}}, "X", "coulomb.at_the_motor", 1.5),
+        ({"motor": {1: 1.0}}, "Y", "coulomb.at_the_motor", 1.0),
         ({"axis": {1: 2.0}}, "Y", "coulomb.c", 4.0),
     ],
 )

@@ -149,8 +149,8 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     table = {
         "coulomb": ("coulomb.c", *dry, at.force),
         "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
-        "motor_coulomb": ("coulomb.of_motor", 0.0, at.effort, at.force),
-        "motor_viscous": ("viscous.of_motor", 0.0, at.effort / at.spread("v"), per),
+        "motor_coulomb": ("coulomb.at_the_motor", 0.0, at.effort, at.force),
+        "motor_viscous": ("viscous.at_the_motor", 0.0, at.effort / at.spread("v"), per),
         "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
         "viscous": ("viscous.b", *viscous, per),
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
