@@ -56,7 +56,7 @@ def test_of_a_healthy_day_nothing_is_named_and_it_is_said_what_would_have_shown(
     found = _asked(folder, twin, "none")
     assert (found.verdict, list(found.effects)) == ("none", [])
     assert "would have been visible" in found.sentence
-    friction = {x["axis"]: x["change"] for x in found.detectable if x["effect"] == "friction_scale"}
+    friction = {x["axis"]: x["size"] for x in found.detectable if x["effect"] == "friction_scale"}
     assert set(friction) == {"X", "A"}
     assert all(0.05 < x < 1.0 for x in friction.values())
 
@@ -280,8 +280,45 @@ def test_a_late_command_is_a_fault_of_the_recording(folder: Path, twin: pt.Twin)
     found = pt.diagnose(twin, pt.Log(late))
     assert list(found.effects) == []
     assert [(x["fault"], x["axis"]) for x in found.recording] == [("command_late", "X")]
-    assert found.recording[0]["number"] == pytest.approx(0.024, abs=0.004)
+    assert found.recording[0]["size"] == pytest.approx(0.024, abs=0.004)
+    assert found.recording[0]["unit"] == "s"
+    assert (found.recording[0]["from"], found.recording[0]["to"]) == (log["t"][0], log["t"][-1])
     assert found.verdict == "unexplained"
+
+
+def test_a_frozen_effort_is_said_to_be_from_when_to_when(folder: Path, twin: pt.Twin) -> None:
+    log = pt.read(folder / "none_0.csv")
+    c = {k: np.asarray(log[k]) for k in log.channels}
+    held, t = c["X.u"].copy(), c["t"]
+    rows = (t > t[0] + 3.0) & (t < t[0] + 4.5)
+    held[rows] = held[rows][0]
+    found = pt.diagnose(twin, pt.Log(c | {"X.u": held}))
+    told = [x for x in found.recording if x["fault"] == "effort_frozen"]
+    for x in told:
+        assert (x["from"], x["to"]) == (
+            pytest.approx(t[0] + 3.0, abs=0.2),
+            pytest.approx(t[0] + 4.5, abs=0.2),
+        )
+    assert {x["axis"] for x in found.recording} == {"X"}
+
+
+@pytest.mark.parametrize("situation", ["change", "structure"])
+def test_evidence_and_limits_have_the_keys_of_the_contract(
+    folder: Path, twin: pt.Twin, situation: str
+) -> None:
+    log = folder / "none_0.csv"
+    found = pt.diagnose(twin if situation == "change" else twin.machine, log).to_dict()
+    assert found["schema"] == 2
+    assert found["evidence"] or situation == "structure"
+    for x in found["evidence"]:
+        assert {*x["score"]} == {"u", "law", "ql"}
+        assert x["class"][0] == x["effect"]
+        assert 0.0 <= x["p"] <= 1.0
+        assert x["axis"] in twin.machine.names
+    for x in found["detectable"]:
+        assert {"effect", "axis", "size", "unit"} <= {*x}
+    if situation == "change":
+        assert sum(x["p"] for x in found["evidence"]) <= 1.0 + 1e-9
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,9 @@ def test_a_pattern_without_a_name_closes_nothing(plain: Machine) -> None:
 def test_a_cause_that_is_not_sure_closes_nothing(plain: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     found = lacking(compared(plain, drag, 1.0))
     assert Account(found).together[0].share > 0.8
-    monkeypatch.setattr("pinotwin.diagnosis.days.account._probability", lambda *_: 0.3)
+    monkeypatch.setattr(
+        "pinotwin.diagnosis.days.structure.Turn.probabilities", lambda turn: [(turn.taken, 0.3)]
+    )
     assert Account(found).together == {}
 
 

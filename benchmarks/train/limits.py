@@ -7,8 +7,9 @@ and the question is asked again.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ import pinotwin as pt
 from benchmarks.train.rows import stretches_of
 from pinotwin.diagnosis.days.causes import Place, effect_of, unit_of
 from pinotwin.diagnosis.days.decision import known, trained
-from pinotwin.diagnosis.days.detectable import PLAIN, Limit, detectable
+from pinotwin.diagnosis.days.detectable import PLAIN, detectable
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.judge import evidence
 from pinotwin.diagnosis.days.mechanisms import Acts
@@ -47,23 +48,23 @@ def asked(base: Path, rng: np.random.Generator) -> list[tuple[str, bool, bool]]:
     causes = {effect_of(x): x for x in reversed(PLAIN)}
     every = [x for x in detectable(first, decision.bars[known(r.days)]) if _possible(x)]
     for limit in (every[k] for k in rng.permutation(len(every))[:EACH]):
-        cause, axis = causes[limit.effect], limit.axis
-        size = limit.change / abs(unit_of(cause, Place(r, axis, q.logs))[2])
+        cause, axis = causes[limit["effect"]], limit["axis"]
+        size = limit["size"] / abs(unit_of(cause, Place(r, axis, q.logs))[2])
         left = _with(q.left, first.tried.columns[axis], cause, axis, size)
         seen = _with(q.valid_left, first.tried.unseen[axis], cause, axis, size)
         case, _, _ = evidence(Question(r, q.logs, left, q.valid, seen))
         P = decision.probabilities(case)
         said, best = bool(P[0] < decision.limit(RATE, r.days)), int(np.argmax(P[1:])) - 1
         row = case.causes[best] if said and best >= 0 else None
-        named = row is not None and (effect_of(row.name), row.axis) == (limit.effect, axis)
+        named = row is not None and (effect_of(row.name), row.axis) == (limit["effect"], axis)
         out.append((cause, said, named))
     return out
 
 
-def _possible(x: Limit) -> bool:
+def _possible(x: Mapping[str, Any]) -> bool:
     """Whether a change is put in: of a factor less than itself, and none that acts on several axes."""
     factors = ("friction_scale", "position_gain", "velocity_feedforward")
-    return x.effect != "zero" and (x.effect not in factors or x.change < 1.0)
+    return x["effect"] != "zero" and (x["effect"] not in factors or x["size"] < 1.0)
 
 
 def main(words: Sequence[str]) -> None:

@@ -51,7 +51,7 @@ def _way(before: float, after: float) -> str:
 def seen_words(detectable: Sequence[Mapping[str, Any]]) -> str:
     """Return what friction these logs would have shown, in a sentence; empty where nothing is known of that."""
     rows = [x for x in detectable if x["effect"] == "friction_scale"]
-    seen = [f"{x['change']:.0%} on {x['axis']}" for x in rows]
+    seen = [f"{x['size']:.0%} on {x['axis']}" for x in rows]
     return f"A friction change of {joined(seen)} would have been visible" if seen else ""
 
 
@@ -61,7 +61,7 @@ def recording_words(recording: Sequence[Mapping[str, Any]]) -> str:
     out = []
     for x in recording:
         factor, text = scale.get(x["fault"], (1.0, ""))
-        number = "" if x["number"] is None else text.format(factor * x["number"])
+        number = "" if x["size"] is None else text.format(factor * x["size"])
         out.append(on_axis(x["fault"], x["axis"]) + number)
     return joined(list(dict.fromkeys(out)))
 

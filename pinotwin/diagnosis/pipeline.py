@@ -17,7 +17,7 @@ from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge, with_open_signals
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.days.account import Account, alike
+from pinotwin.diagnosis.days.account import Account, alike, evidence
 from pinotwin.diagnosis.days.answer import diagnosed
 from pinotwin.diagnosis.days.structure import Lacking, lacking
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
@@ -81,10 +81,10 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     logs, unseen = as_logs(log), [] if validate is None else as_logs(validate, "validate")
     if not logs:
         raise DataError("no log given; give at least one")
-    c = replace(compare(subject, logs, unseen, pooled=isinstance(subject, Twin)), worth=worth)
+    c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin), worth=worth)
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
-    options |= {"false_alarm": false_alarm, "worth": worth}
+    options |= _shares(false_alarm=false_alarm, worth=worth)
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
     shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
@@ -93,7 +93,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
             # no law of a controller tells the runs apart
-            c = replace(compare(subject, logs, unseen), worth=worth)
+            c = compare(subject, logs, unseen, worth=worth)
         found = _by_structure(c, shaken, tell, options)
     found = with_open_signals(_with_vibration(found, shaken, unused(subject, c.logs)))
     made = provenance(subject, c.logs, c.validation, **options)
@@ -159,7 +159,6 @@ def _concluded(
     axis = next((g[0].partition(".")[0] for g in groups), None)
     opened = {*verdict.unexplained, *(r.axis for r in account.pushed())}
     advice, motions = advise(c, kind, named, opened, {*gaps, *c.gate.unknown}, pairs)
-    rows = [x.row() for x in found.turns[0].ranked if x.worth > c.worth]
     return Diagnosis(
         verdict=verdict.verdict,
         sentence=verdict.sentence,
@@ -183,7 +182,7 @@ def _concluded(
         machine=c.machine.name,
         commands={f"advice_{k}.csv": command(c.machine, c.new.motion, k, axis) for k in motions[:2]},
         possible=possible,
-        evidence=[x.plain() for x in rows if x.group != "describe"][:20],
+        evidence=evidence(found)[:20],
     )
 
 
@@ -195,6 +194,14 @@ def _where(c: Comparison, account: Account) -> list[Region]:
     joints = joints or sorted(level, key=lambda j: -level[j])[:1]
     rest = [r for j in joints for r in localise(c.new, c.new.residual[j], j, rng)]
     return [*account.pushed()[:MOST_TIMES], *sorted(rest, key=lambda r: -(r.share - r.time_share))]
+
+
+def _shares(**given: float) -> dict[str, float]:
+    """Return shares that are between 0 and 1."""
+    for name, x in given.items():
+        if not 0.0 < x < 1.0:
+            raise InputError(f"diagnose: {name}={x:g}: give a share between 0 and 1, such as 0.02")
+    return given
 
 
 def _seed(seed: int, random_state: int | None) -> int:

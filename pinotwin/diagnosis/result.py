@@ -52,10 +52,16 @@ class Gap:
         """The expected error and the noise together, which the residual is held against [unit of the signal]."""
         return left_anyway(self.noise, self.expected)
 
+    @property
+    def small(self) -> bool:
+        """Whether what stays beyond a healthy axis is not worth a word."""
+        return self.after <= math.hypot(self.level, self.worth * self.variation)
+
     def is_open(self, signal: str = "u") -> bool:
         """Whether more of a signal stays, once the named effects are modelled, than of a healthy axis."""
-        heard = self.after > self.worth * self.variation
-        return heard and is_open(self.after, self.noise, self.expected, self.variation, signal=signal)
+        return not self.small and is_open(
+            self.after, self.noise, self.expected, self.variation, signal=signal
+        )
 
 
 @dataclass(frozen=True)
@@ -235,8 +241,8 @@ class Diagnosis(Drawn):
         word = grade(
             g.rms, g.expected, g.noise, g.after if shrinks else None, size=g.variation, signal=signal
         )
-        if word == "not explained" and g.after <= g.worth * g.variation:
-            word = "above misfit"  # not worth a word
+        if word == "not explained" and g.small:
+            word = "above misfit"
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal == "e" and word == "gap explained" and g.after > RULES.odd * g.level:
@@ -276,14 +282,16 @@ class Diagnosis(Drawn):
         """Return the content of diagnosis.json, in JSON's own types."""
         out = plain(
             {
-                "schema": 1,
+                "schema": 2,
                 "verdict": self.verdict,
                 "sentence": self.sentence,
                 "gap": {
                     a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
                     for a, row in self.gap.items()
                 },
-                "where": [_region(r) for r in self.where],
+                "where": [
+                    {k: v for k, v in vars(r).items() if k != "other" or v is not None} for r in self.where
+                ],
                 "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [],
@@ -346,10 +354,6 @@ class Diagnosis(Drawn):
         pictures = importlib.import_module("pinotwin.report.pictures")
         pictures.save(self, target := as_path(folder, "folder"), meshes)
         return target
-
-
-def _region(r: Region) -> dict[str, Any]:
-    return {k: v for k, v in vars(r).items() if k != "other" or v is not None}
 
 
 def _effect(e: Found) -> dict[str, Any]:

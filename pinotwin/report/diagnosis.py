@@ -94,7 +94,7 @@ def _where(d: Diagnosis, most: int = 8) -> list[tuple[Region, float]]:
 
 def _smallest(x: Mapping[str, Any]) -> str:
     """Return the smallest change that these logs show, with its unit."""
-    size = Size(x["name"], 0.0, float(x["change"]), x["unit"], (0.0, 0.0))
+    size = Size(x["name"], 0.0, float(x["size"]), x["unit"], (0.0, 0.0))
     return f"{size.after:.0%}" if size.unit == "-" else sizes.now_text(size, 3)
 
 

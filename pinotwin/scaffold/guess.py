@@ -195,7 +195,8 @@ def _clock(log: Log, rate: float | None, named: bool) -> tuple[Guess | None, flo
         return None, _step(log["t"]) * SI_FACTOR[log.units.get("t", "s")], []
     if rate is not None:
         return Guess("t", None, "as given by --rate", rate=rate), 1.0 / rate, []
-    rising = [c for c, x in log.channels.items() if _rises(x)]
+    finite = {c: x[np.isfinite(x)] for c, x in log.channels.items()}
+    rising = [c for c, x in finite.items() if len(x) > 2 and (np.diff(x) >= 0).all() and x[-1] > x[0]]
     called = [c for c in rising if is_clock(c) or log.units.get(c) in _TIME_UNITS]
     if called:
         column = called[0]
@@ -212,11 +213,6 @@ def _clock(log: Log, rate: float | None, named: bool) -> tuple[Guess | None, flo
 def _step(t: Floats) -> float:
     good = t[np.isfinite(t)]
     return float(np.median(np.diff(good))) if len(good) > 1 else 0.0
-
-
-def _rises(x: Floats) -> bool:
-    good = x[np.isfinite(x)]
-    return len(good) > 2 and bool(np.all(np.diff(good) >= 0)) and good[-1] > good[0]
 
 
 def _by_name(table: _Table) -> None:
@@ -292,15 +288,12 @@ def _following(log: Log, columns: Sequence[str], follows: float = 0.02) -> Itera
     free = list(columns)
     while free:
         one, *others = free
-        group = [one, *(other for other in others if _apart(log[one], log[other]) <= follows)]
+        away = {x: distance(log[one], log[x]) for x in others}  # at their own lag
+        away = {x: d * np.sqrt(1.0 - min(lead(log[one], log[x])[1], 1.0)) for x, d in away.items()}
+        group = [one, *(x for x, d in away.items() if d <= follows)]
         free = [c for c in free if c not in group]
         if len(group) > 1:
             yield group
-
-
-def _apart(x: Floats, y: Floats) -> float:
-    """Return the distance of two columns at their own lag, as a share of the motion of the first."""
-    return distance(x, y) * float(np.sqrt(1.0 - min(lead(x, y)[1], 1.0)))
 
 
 def _command_first(log: Log, columns: Sequence[str], explained: float = 0.5) -> tuple[str, str, str]:

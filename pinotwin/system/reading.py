@@ -52,7 +52,8 @@ def read(value: Any, kind: Any, where: str) -> Any:
     if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)  # a name of digits
     try:
-        out = msgspec.convert(mapped(value, _plain), kind, strict=False)
+        plain = mapped(value, lambda x: x.tolist() if isinstance(x, np.generic | np.ndarray) else x)
+        out = msgspec.convert(plain, kind, strict=False)
     except msgspec.ValidationError:
         raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
     if any(isinstance(x, float) and not abs(x) <= _MOST for x in (out if isinstance(out, tuple) else [out])):
@@ -96,11 +97,6 @@ def schema(kind: Any) -> dict[str, Any]:
     if get_origin(kind) is dict:
         return {"type": "object", "additionalProperties": schema(get_args(kind)[1])}
     return msgspec.json.schema(kind)
-
-
-def _plain(value: Any) -> Any:
-    """Return a number or list of NumPy as Python's."""
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def _words(kind: Any) -> str:

@@ -120,7 +120,8 @@ def _sentence(
     parts = [said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
-    largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
+    size = {a: g.rms / g.expected if g.expected > 0.0 else g.nrmse for a in loud for g in [gaps[a]["u"]]}
+    largest = max(loud, key=lambda a: size[a], default="")
     asked = largest and (effects or not c.gate.silent or gaps[largest]["u"].is_open())
     if asked and not any(largest in _axes(e) for e in effects):
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
@@ -133,10 +134,6 @@ def _sentence(
     }[verdict]
     text = (head + text).strip()
     return [capital(text)] if text else []
-
-
-def _relative(g: Gap) -> float:
-    return g.rms / g.expected if np.isfinite(g.misfit) and g.expected > 0.0 else g.nrmse
 
 
 def said(e: Found) -> str:
@@ -183,4 +180,4 @@ def _left_open(axis: str, signal: str, times: float, found: Diagnosis) -> str:
         )
     size = f"{times:.3g} times the twin's expected error" if known else f"{times:.1%} of the signal"
     word = "partly" if found.grade(axis, signal) == "partly explained" else "not"
-    return f"the {SIGNALS[signal]} of {axis} is {word} explained: {size} remains"
+    return f"The {SIGNALS[signal]} of {axis} is {word} explained: {size} remains"

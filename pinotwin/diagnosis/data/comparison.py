@@ -89,11 +89,17 @@ class Comparison:
 
 
 def compare(
-    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log], *, pooled: bool = False
+    subject: Machine | Twin,
+    logs: Sequence[Log],
+    validation: Sequence[Log],
+    *,
+    pooled: bool = False,
+    worth: float = SETTINGS.share,
 ) -> Comparison:
     """Return a subject and logs made ready for the search; LogError for channels, DataError where logs hold little.
 
     ``pooled``: runs that differ are kept together where their command is logged: the judgement tells them apart.
+    ``worth``: of the effort, the smallest cause worth a word [1].
     """
     change = isinstance(subject, Twin)
     ready = _Ready.of(subject, logs, validation)
@@ -132,9 +138,8 @@ def compare(
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
     floor = _floor(twin, new, own, own_errors)
     every = (*motions, *sealed)
-    c = Comparison(
-        twin, change, ready.logs, ready.validation, new, own, unseen, floor, asked, every, kept, differ, noise
-    )
+    data = (twin, change, ready.logs, ready.validation, new, own, unseen, floor)
+    c = Comparison(*data, asked, every, kept, differ, noise, worth)
     return _without_lost(c, lost) if change else c
 
 

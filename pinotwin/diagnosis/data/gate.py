@@ -120,7 +120,9 @@ class Gate:
 
 def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()) -> Gate:
     """Return what logs of a machine can be asked: what one of them cannot show, none is asked."""
-    found = [(log, f) for log in logs for f in log.doubts if not _answered(machine, f, sized)]
+    found = [(log, f) for log in logs for f in log.doubts]
+    # the unit of positions that are known is in no doubt
+    found = [x for x in found if x[1].code != "position_unit" or {*_axes(machine, x[1], "q")} - {*sized}]
     effects: dict[str, dict[str, str]] = {}
     questions: dict[str, dict[str, str]] = {}
     silent: dict[str, str] = {}
@@ -141,11 +143,6 @@ def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()
     turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
     strays = {a: _about(f) for _, f in found if f.code == "command_disagrees" for a in _axes(machine, f, "")}
     return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned), strays)
-
-
-def _answered(machine: Machine, finding: Finding, sized: Collection[str]) -> bool:
-    """Whether a finding doubts the unit of nothing but positions that are known."""
-    return finding.code == "position_unit" and set(_axes(machine, finding, "q")) <= set(sized)
 
 
 def off_command(own: Motion, new: Motion) -> list[str]:

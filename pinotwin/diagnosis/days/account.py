@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any
 
@@ -15,6 +15,7 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.explained import Closed, rival
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.data.samples import ROW_RATE
+from pinotwin.diagnosis.days.causes import plain_row
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
@@ -46,8 +47,8 @@ class Told:
 
     @property
     def sure(self) -> bool:
-        """Whether it is named; otherwise it is said to be possible."""
-        return self.probability >= SETTINGS.likely
+        """Whether it is named: it is likely, and closes some of a residual; otherwise it is possible, or nothing."""
+        return self.probability >= SETTINGS.likely and any(x.share > 0.0 for x in self.closed.values())
 
 
 class Account:
@@ -65,7 +66,8 @@ class Account:
         self.patterns = {x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern)}
         for own in found.listed:
             g = beside(g, _again(g, own) or own)
-        pairs = [(x, x.taken, _probability(x, x.taken)) for x in found.named if x.taken is not None]
+        taken = [(x, x.taken) for x in found.named if x.taken is not None]
+        pairs = [(x, one, min(sum(p for y, p in x.probabilities() if kin(y, one)), 1.0)) for x, one in taken]
         # Those that are sure first, the largest before others, and pushes beside what comes with the motion.
         pairs.sort(key=lambda x: (x[2] < SETTINGS.likely, x[1].effect is None, -x[1].worth))
         for turn, one, sure in pairs:
@@ -109,7 +111,7 @@ class Account:
 
     def found(self, levels: Mapping[int, float]) -> list[Found]:
         """Return all causes in the form of the contract; ``levels``: joint -> RMS of its residual [N or N·m]."""
-        return [_found(x, levels) for x in self.causes]
+        return [_found(x, levels) for x in self.causes if x.sure or x.probability < SETTINGS.likely]
 
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the named causes, by axis and log."""
@@ -120,6 +122,18 @@ class Account:
     def pushed(self) -> list[Region]:
         """Return when axes were pushed, what closes most first."""
         return [r for x in self.causes if x.one.effect is None and x.sure for r in _times(x.one)]
+
+
+def evidence(found: Lacking) -> list[dict[str, Any]]:
+    """Return the rows of the first turn, each with its probability when its axis was asked."""
+    ranked = [x for x in found.turns[0].ranked if not isinstance(x.effect, Pattern)]
+    chance = {(x.name, x.axis): p for turn in found.named[::-1] for x, p in turn.probabilities()}
+    out = []
+    for x in (x for x in ranked if x.worth > found.start.c.worth):
+        p = chance.get((x.name, x.axis), 0.0)
+        near = [y for y in ranked if chance.get((y.name, y.axis), 0.0) > p * np.exp(-SETTINGS.number)]
+        out.append(plain_row(replace(x.row(), p=p, alike=[y.name for y in near if kin(x, y)]), x.axis))
+    return out
 
 
 def _left(one: Lack, j: int, part: int) -> Floats:
@@ -165,11 +179,6 @@ def _ratios(turn: Turn, one: Lack) -> list[Lack]:
     rest = beside(g, one) if others else g
     again = [(x, judged(rest, x.effect, x.axis, x.tables)) for x in others]
     return [x for x, y in again if y is None or abs(x.theta[0]) < 2.0 * y.fit.error[0]]
-
-
-def _probability(turn: Turn, one: Lack) -> float:
-    """Return the probability of a cause and of its kin, of which it is the simplest that is as good [1]."""
-    return min(sum(p for x, p in turn.probabilities() if kin(x, one)), 1.0)
 
 
 def _found(x: Told, levels: Mapping[int, float]) -> Found:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import accumulate
 from pathlib import Path
@@ -19,7 +19,7 @@ from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unj
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged, unsure_words
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, regions, sizes
+from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, plain_row, regions, sizes, unit_of
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
@@ -34,6 +34,7 @@ from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
 from pinotwin.effects.scene import with_model_effort
+from pinotwin.logs.quality.results import Finding
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.system.phrases import JUDGED
@@ -292,13 +293,21 @@ class Answer:
         return (row.axis, "plant", row) if row is not None and worst[1] == "plant" else (*worst, None)
 
     def recording(self) -> list[dict[str, Any]]:
-        """Return the faults of the recording, what `check` proves first."""
-        out = [(f, a, np.nan, 1.0) for f, a in self.proofs]
-        out += [(x.row.name, x.row.axis.replace(ALL, ""), x.row.theta, x.probability) for x in self.recorded]
-        return [
-            {"fault": f, "axis": a or None, "number": n if np.isfinite(n) else None, "confidence": p}
-            for f, a, n, p in out
-        ]
+        """Return the faults of the recording, what `check` proves first: from when to when [s], and how large."""
+        t, out = self.c.logs[0].log["t"], list[dict[str, Any]]()
+        whole = {"from": float(t[0]), "to": float(t[-1]), "size": None, "unit": None, "confidence": 1.0}
+        for f in self.proofs:
+            when = dict(zip(("from", "to"), f.span, strict=False))
+            out.append({"fault": f.code, "axis": f.axis or None, **whole, **when})
+        for row, p in ((x.row, x.probability) for x in self.recorded):
+            at = Place(self.r, axis_of(row, self.r), self.new.stretches)
+            one = {"fault": row.name, "axis": row.axis if row.axis != ALL else None, **whole, "confidence": p}
+            for k, a, b in row.spans[:1]:
+                one |= {"from": float(at.logs[k].motion.t[0] + a), "to": float(at.logs[k].motion.t[0] + b)}
+            if np.isfinite(row.theta):
+                one |= {"size": row.theta, "unit": unit_of(row.name, at)[3]}
+            out.append(one)
+        return out
 
     def open(self) -> dict[str, dict[str, float]]:
         """Return axis -> signal -> share that stays [1], of what no cause explains though something has changed."""
@@ -311,7 +320,7 @@ class Answer:
         for x in self.recorded:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
-        proven = [x for _, axis in self.proofs for x in (axis.split(", ") if axis else self.r.axes)]
+        proven = [x for f in self.proofs for x in (f.axis.split(", ") if f.axis else self.r.axes)]
         for name in [*proven, *self.unjudged, *(x for x in self.c.gate.silent if x in self.gaps)]:
             out.setdefault(name, {})["u"] = 1.0
         return out
@@ -329,19 +338,14 @@ class Answer:
             row = self.judged.described
             words = "" if row is None else f": {row.axis} {described(row.what)}"
             return [JUDGED["unknown"].format(words=words)]
-        seen = seen_words([*map(asdict, self.judged.detectable)])
+        seen = seen_words(self.judged.detectable)
         return [JUDGED["none"], *([seen] if seen else [])]
 
 
-def _group(x: Named, r: Reference) -> list[str]:
-    """Return the effects that these logs cannot tell apart, each with its axis: ``Y.coulomb``."""
-    return list(dict.fromkeys(f"{axis_of(x.row, r)}.{effect_of(y.name)}" for y in (x.row, *x.alike)))
-
-
-def _proofs(c: Comparison) -> list[tuple[str, str]]:
-    """Return what `check` proves of the recording by its rows alone, and not of the twin's own: fault and axis."""
+def _proofs(c: Comparison) -> list[Finding]:
+    """Return what `check` proves of the recording by its rows alone, and not of the twin's own, once an axis."""
     news = set(PROOFS).difference(*(x.get("recorded", ()) for x in c.twin.data))
-    return list(dict.fromkeys((f.code, f.axis) for one in c.logs for f in one.doubts if f.code in news))
+    return list({(f.code, f.axis): f for one in c.logs for f in one.doubts if f.code in news}.values())
 
 
 def _judged(
@@ -388,10 +392,7 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
 def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) -> Diagnosis | None:
     """Return the diagnosis of what has changed since a twin was identified; None where this cannot be judged.
 
-    Args:
-        c: twin and logs, compared.
-        more: causes that other signals have shown.
-        options: of :func:`pinotwin.diagnose`.
+    ``more``: causes that other signals have shown; ``options``: of :func:`pinotwin.diagnose`.
     """
     a = _answer(c, options)
     if a is None:
@@ -400,8 +401,9 @@ def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) 
     if odd:
         names = [Path(x.log.source).name or f"log {k + 1}" for k, x in enumerate(c.logs)]
         kept = [k for k in range(len(names)) if k not in odd]
-        left = compare(c.twin, [c.logs[k].log for k in kept], [x.log for x in c.validation], pooled=True)
-        c, differ = replace(left, kept=tuple(kept), worth=c.worth), [names[k] for k in kept]
+        logs, unseen = [c.logs[k].log for k in kept], [x.log for x in c.validation]
+        left = compare(c.twin, logs, unseen, pooled=True, worth=c.worth)
+        c, differ = replace(left, kept=tuple(kept)), [names[k] for k in kept]
         a = _answer(c, options) or a
     return _told(a, more, differ)
 
@@ -416,6 +418,7 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
     first = [*a.sentence(effects), *unsure_words(possible)]
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
+    groups = [[f"{axis_of(x.row, a.r)}.{effect_of(y.name)}" for y in (x.row, *x.alike)] for x in a.named]
     other = set[str]() if a.recording() else {*opened, *refuted}
     return Diagnosis(
         verdict=word,
@@ -425,7 +428,7 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         where=a.where(),
         effects=effects,
         possible=possible,
-        confusable=[x for n in a.named if len(x := _group(n, a.r)) > 1],
+        confusable=[list(x) for x in map(dict.fromkeys, groups) if len(x) > 1],
         unexplained=opened,
         remains=a.remains(),
         noise=a.kind,
@@ -436,6 +439,6 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         traces=a.traces(),
         machine=c.machine.name,
         recording=a.recording(),
-        detectable=[*map(asdict, a.judged.detectable)],
-        evidence=[x.plain() for x in a.judged.rows if x.group != "describe"][:20],
+        detectable=a.judged.detectable,
+        evidence=[plain_row(x, axis_of(x, a.r)) for x in a.judged.rows if x.group != "describe"][:20],
     )

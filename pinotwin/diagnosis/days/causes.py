@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -103,6 +104,15 @@ def effect_of(name: str) -> str:
     return EFFECT.get(name, name)
 
 
+def plain_row(row: Row, axis: str) -> dict[str, Any]:
+    """Return a row of evidence of diagnosis.json: gain by signal [nats], probability [1], and effects of its class."""
+    score = {k: row.by.get(e, 0.0) for k, e in (("u", "plant"), ("law", "law"), ("ql", "encoders"))}
+    score["u"] += row.by.get("day", 0.0)
+    effects = list(dict.fromkeys(map(effect_of, (row.name, *row.alike))))
+    names = {"effect": effects[0], "axis": axis, "score": score, "class": effects, "total": row.score}
+    return {**row.plain(), **names}
+
+
 def axis_of(row: Row, r: Reference) -> str:
     """Return the axis of a row; of a body that of the last link."""
     return r.axes[-1] if row.axis == ALL else row.axis
@@ -168,6 +178,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "tooth": ("position_table.peak", 0.0, at.effort, at.force),
         "limit": ("saturation.limit", np.inf, 1.0, at.force),
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
+        "command_jitter": ("command_jitter.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
     found = table.get(name, table.get(effect_of(name)))

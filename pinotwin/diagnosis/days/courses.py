@@ -119,12 +119,8 @@ def spells(
     It acts with one size or not at all. Of all courses that come and go the most probable is taken, in which a change
     costs what an instant costs; where no row tells, the change is in the middle of those rows.
 
-    Args:
-        r: healthy days.
-        logs: stretches in question.
-        key: axis and equation.
-        row: of the cause; without a name of what leaves more than a healthy day.
-        found: other causes, which are taken off first.
+    ``key``: axis and equation; ``row``: of the cause, without a name of what leaves more than a healthy day; ``found``:
+    other causes, which are taken off first.
     """
     w, counts = r.whitenings[key], [s.axes[key[0]]["moving" if key[1] == "plant" else "one"] for s in logs]
     left = r.left(logs, *key)

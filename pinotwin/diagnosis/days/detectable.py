@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,32 +26,11 @@ PLAIN = (
 )
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A change that is found in nine of ten logs like these.
-
-    Attributes:
-        effect: of the contract. axis: whose. name: of the number. change: its least change. unit: of that.
-        before: what the twin holds; 0 for nothing.
-    """
-
-    effect: str
-    axis: str
-    name: str
-    change: float
-    unit: str
-    before: float
-
-
-def detectable(asked: Asked, bars: Mapping[str, float]) -> list[Limit]:
+def detectable(asked: Asked, bars: Mapping[str, float]) -> list[dict[str, Any]]:
     """Return the least change of the plain causes of every axis, from their standard errors.
 
     A score rises by half the square of a number over its standard error. Nine of ten are found where that number is
-    1.28 standard errors beyond the one that reaches the bar of its group.
-
-    Args:
-        asked: a question.
-        bars: group -> score that it takes to be named [nats].
+    1.28 standard errors beyond the one that reaches the bar of its group [nats]. ``before``: what the twin holds of it.
     """
     out = []
     for axis in asked.r.axes:
@@ -64,5 +43,6 @@ def detectable(asked: Asked, bars: Mapping[str, float]) -> list[Limit]:
             bar = bars.get(GROUP[cause], max(bars.values()))
             least = max(error * np.sqrt(2.0 * bar), told) + 1.28 * error
             name, before, one, unit = unit_of(cause, at)
-            out.append(Limit(effect_of(cause), axis, name, float(abs(least * one)), unit, float(before)))
+            what = {"effect": effect_of(cause), "axis": axis, "name": name}
+            out.append({**what, "size": float(abs(least * one)), "unit": unit, "before": float(before)})
     return out

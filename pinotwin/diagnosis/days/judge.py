@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.causes import effect_of
 from pinotwin.diagnosis.days.decision import Case, Decision, known
-from pinotwin.diagnosis.days.detectable import Limit, detectable
+from pinotwin.diagnosis.days.detectable import detectable
 from pinotwin.diagnosis.days.limit import limit_rows
 from pinotwin.diagnosis.days.mechanisms import READ, group_of
 from pinotwin.diagnosis.days.recording import recording_rows
@@ -50,7 +51,7 @@ class Judged:
     described: Row | None
     rows: Sequence[Row]
     open: Mapping[tuple[str, str], float]
-    detectable: Sequence[Limit]
+    detectable: Sequence[Mapping[str, Any]]
     possible: Sequence[Named] = ()
 
 
@@ -134,6 +135,8 @@ def judge(
         case, rows, asked = evidence(q, [x.row for x in found], stands)
         refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
         P = decision.probabilities(case)
+        if not questions:
+            rows = _with_chances(rows, case, P[2:])
         questions.append((rows, asked))
         one = likeliest(case, P)
         possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
@@ -162,15 +165,26 @@ def likeliest(case: Case, P: Floats) -> Named | None:
     if best < 0:
         return None
     one, p = case.causes[best], P[2:]
-    near = p > p[best] * np.exp(-SETTINGS.number)
-    same = np.array([(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes])
-    kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
-    kin |= near & [(r.group, r.axis) == (one.group, one.axis) for r in case.causes]
+    same, kin, alike = _class(case, p, best)
     meets = kin | [_meet(r, one) for r in case.causes]
     order = [int(k) for k in np.argsort(-p) if meets[k] and not same[k]]
     rivals = [(case.causes[k], float(p[k])) for k in order[:4]]
-    alike = [case.causes[k] for k in order if kin[k] and near[k]]
     return Named(one, float(p[kin].sum() / max(P[1] + p[meets].sum(), 1e-9)), rivals, alike)
+
+
+def _with_chances(rows: Sequence[Row], case: Case, p: Floats) -> list[Row]:
+    """Return rows with their probabilities in a case, and what of their class is as probable."""
+    told = {id(r): (float(p[k]), [x.name for x in _class(case, p, k)[2]]) for k, r in enumerate(case.causes)}
+    return [replace(r, p=told[id(r)][0], alike=told[id(r)][1]) if id(r) in told else r for r in rows]
+
+
+def _class(case: Case, p: Floats, k: int) -> tuple[Mask, Mask, list[Row]]:
+    """Return which causes have the name of one, which are of its class, and those that are as probable, best first."""
+    one, near = case.causes[k], p > p[k] * np.exp(-SETTINGS.number)
+    same = np.array([(effect_of(r.name), r.axis) == (effect_of(one.name), one.axis) for r in case.causes])
+    kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
+    kin |= near & [(r.group, r.axis) == (one.group, one.axis) for r in case.causes]
+    return same, kin, [case.causes[i] for i in np.argsort(-p) if (near & kin & ~same)[i]]
 
 
 def _meet(a: Row, b: Row) -> bool:

@@ -222,12 +222,7 @@ def judged(
 ) -> Lack | None:
     """Return a candidate with what it is worth; None where the twin's own columns leave nothing of it.
 
-    Args:
-        g: the ground.
-        effect: at its shapes; None of pushes.
-        axis: its axis.
-        tables: its columns.
-        price: of the search [nats], beside that of the numbers.
+    ``effect``: at its shapes, None of pushes; ``price``: of the search [nats], beside that of the numbers.
     """
     if not tables or not tables[0]:
         return None

@@ -247,13 +247,8 @@ def descriptions(
 ) -> dict[str, Floats]:
     """Return smooth functions of every channel, (n, k) each, as an effort or dry friction of a fifth of the effort.
 
-    Args:
-        r: healthy days.
-        s: a stretch of a log in question.
-        name: of the axis.
-        ends: axis -> ends of its travel in all logs.
-        run: which of how many stretches this is: a function of time is another one in each.
-        program: whether all runs follow one command.
+    ``ends``: axis -> ends of its travel in all logs; ``run``: which of how many stretches this is, for a function of
+    time is another one in each; ``program``: whether all runs follow one command.
     """
     c, w = s.axes[name], 0.2 * r.widths[name]["effort"]
     out: dict[str, Floats] = {}

@@ -44,7 +44,9 @@ def _without_effort(asked: Asked, name: str) -> list[Row]:
     for cause, rows in (("effort_of_another_run", whole), ("effort_frozen", still)):
         if any(x.any() for x in rows):
             c = cells(asked.r, q.logs, q.left, name, spoilt=rows)
-            out.append(again(cause, name, (asked.cells, {name: c}), float("nan"), 5.0))
+            one = again(cause, name, (asked.cells, {name: c}), float("nan"), 5.0)
+            at = [(k, s.t[x]) for k, (s, x) in enumerate(zip(q.logs, rows, strict=True)) if x.any()]
+            out.append(replace(one, spans=[(k, float(t[0]), float(t[-1])) for k, t in at]))
     return out
 
 

@@ -37,6 +37,7 @@ class Row:
         place, spans: of what acts at places or instants.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
+        p: probability in its question [1]. alike: names of its class that are as probable.
         form: the effect whose columns these are. scale: what its coefficients were divided by, shape (count,).
     """
 
@@ -64,6 +65,8 @@ class Row:
     unseen: Mapping[str, list[Acts]] | None = field(default=None, repr=False)
     numbers: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
     errors: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    p: float = 0.0
+    alike: Sequence[str] = ()
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1), repr=False)
 

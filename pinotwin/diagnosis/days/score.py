@@ -78,11 +78,8 @@ def score(
 ) -> Scored:
     """Return the score of a cause, at the likelier of two maxima: about nothing, and about what equal weights tell.
 
-    Args:
-        use: equations with the columns of the cause in each, shape (count,).
-        count: numbers of the cause.
-        prior: their widths, shape (count,); None for none.
-        fixed: the numbers, where they are known already.
+    ``use``: equations with the columns of the cause in each, shape (count,); ``prior``: widths of its numbers, shape
+    (count,); ``fixed``: these numbers, where they are known already.
     """
     views = [(c, at, np.flatnonzero(c.log == log)) for c, at in use for log in np.unique(c.log)]
     gram, rows, fold = _stacked(views, count)

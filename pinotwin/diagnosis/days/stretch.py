@@ -99,15 +99,10 @@ def _low(share: float) -> tuple[Floats, Floats]:
 def stretches(
     twin: Twin, motion: Motion, left: Floats, log: int, axes: Sequence[str], top: Mapping[str, float]
 ) -> list[Stretch]:
-    """Return the unbroken stretches of a log that are long enough to be judged.
+    """Return the unbroken stretches of a prepared log, of a number, that are long enough to be judged.
 
-    Args:
-        twin: what the effort is compared with.
-        motion: the log, prepared.
-        left: measured effort less the twin's, shape (n, nv) [N or N·m].
-        log: its number.
-        axes: axes that are judged.
-        top: axis -> its highest speed in the twin's own logs [m/s or rad/s]; what stands still is told by it.
+    ``left``: measured effort less the twin's, shape (n, nv) [N or N·m]; ``top``: axis -> its highest speed in the
+    twin's own logs [m/s or rad/s], by which standstill is told.
     """
     least = 4.0 * SETTINGS.cell / motion.step
     long = [s for s in motion.segments if s.stop - s.start > least]

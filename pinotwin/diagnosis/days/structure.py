@@ -216,13 +216,10 @@ class Lacking:
 def lacking(
     c: Comparison, leave_out: Collection[str] = (), admits: Admits = lambda *_: True, most: int = 5
 ) -> Lacking:
-    """Return what a machine's model lacks.
+    """Return what a machine's model lacks, at most so many causes.
 
-    Args:
-        c: a machine and its twin of the logs in question.
-        leave_out: effects that are not considered.
-        admits: whether an effect on an axis is, by what else was measured.
-        most: causes at most.
+    ``leave_out``: effects that are not considered; ``admits``: whether an effect on an axis is, by what else was
+    measured.
     """
     finder, turns = Finder(c, leave_out, admits), list[Turn]()
     g = start = Ground.of(c)

@@ -43,7 +43,8 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
         yield finding("interpolated", percent=100.0 * line)
     for axis in (a for a in axes if f"{a}.u" in log and f"{a}.q" in log):
         for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
-            yield finding("frozen", f"{axis}.u", start=float(t[rows.start]), end=float(t[rows.stop - 1]))
+            span = float(t[rows.start]), float(t[rows.stop - 1])
+            yield replace(finding("frozen", f"{axis}.u", start=span[0], end=span[1]), span=span)
 
 
 def habits(log: Log, axes: Sequence[str]) -> list[str]:

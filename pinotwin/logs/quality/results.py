@@ -22,6 +22,7 @@ class Finding:
     channel: str  # the channel or axis concerned, "" for the whole log
     message: str  # one sentence with the remedy
     code: str = ""  # the kind of finding in one word, for programs; "" where none needs it
+    span: tuple[float, ...] = ()  # from when to when [s], of what does not last the whole log
 
     @property
     def axis(self) -> str:
