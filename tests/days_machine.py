@@ -43,6 +43,9 @@ class Day:
         default_factory=dict
     )  # axis -> limit, its loss over speed, since
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
+    ahead: float = (
+        0.0  # acceleration feed-forward of both controllers, over the inertia that they are told of
+    )
     began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 
@@ -65,6 +68,7 @@ def run(day: Day) -> dict[str, np.ndarray]:
     rng, n = np.random.default_rng(day.noise), int(day.seconds * RATE)
     qr, dt = commands(day.command, n), 1.0 / RATE / STEPS
     vr = np.gradient(qr, 1.0 / RATE, axis=0)
+    ar = np.gradient(vr, 1.0 / RATE, axis=0) * day.ahead
     today = [float(1.0 + 0.03 * rng.standard_normal()) * day.friction.get(k, 1.0) for k in "XA"]
     dry, viscous = (25.0, 1.2), (60.0, 0.9)
     kp = [40.0 * day.kp.get("X", 1.0), 45.0 * day.kp.get("A", 1.0)]
@@ -81,7 +85,7 @@ def run(day: Day) -> dict[str, np.ndarray]:
             wish = kp[j] * (qr[i, j] - seen[j]) + 0.9 * vr[i, j] - v[j]
             most, loss, since = day.limit.get(k, (math.inf, 0.0, 0.0))
             most = math.inf if i / RATE < since else most - loss * abs(v[j]) * (u[j] * v[j] > 0.0)
-            asked = kv[j] * wish + total[j] + ki[j] * wish / RATE
+            asked = kv[j] * wish + total[j] + ki[j] * wish / RATE + (CARRIAGE + arm, turned)[j] * ar[i, j]
             u[j] = max(-most, min(most, asked))
             total[j] += ki[j] * wish / RATE * (u[j] == asked)
             out[f"{k}.qr"][i], out[f"{k}.q"][i], out[f"{k}.u"][i] = qr[i, j], seen[j], u[j]

@@ -390,10 +390,7 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
 
 
 def diagnosed(c: Comparison, more: Sequence[Found], options: Mapping[str, Any]) -> Diagnosis | None:
-    """Return the diagnosis of what has changed since a twin was identified; None where this cannot be judged.
-
-    ``more``: causes that other signals have shown; ``options``: of :func:`pinotwin.diagnose`.
-    """
+    """Return what has changed since a twin was identified, with ``more`` of other signals; None where nothing tells."""
     a = _answer(c, options)
     if a is None:
         return None

@@ -218,8 +218,7 @@ def lacking(
 ) -> Lacking:
     """Return what a machine's model lacks, at most so many causes.
 
-    ``leave_out``: effects that are not considered; ``admits``: whether an effect on an axis is, by what else was
-    measured.
+    ``leave_out``: effects that are not considered; ``admits``: which one is, on an axis, by what else was measured.
     """
     finder, turns = Finder(c, leave_out, admits), list[Turn]()
     g = start = Ground.of(c)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days import law
 from pinotwin.diagnosis.days.courses import Course, courses, since
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import again, forms
@@ -152,7 +153,7 @@ def _told(acts: dict[str, Acts], name: str, laws: Sequence[str]) -> dict[str, Ac
     out = {"plant": np.column_stack([body, np.zeros((len(body), len(laws)))])}
     if "loop_gain" in acts:
         out["law"] = np.zeros_like(out["plant"])
-        out["law"][:, body.shape[1] + laws.index(name)] = acts["loop_gain"]["law"]
+        out["law"][:, body.shape[1] + laws.index(name)] = sum(acts[x]["law"] for x in law.TOLD)
     return {f"payload:{TOLD}": out}
 
 
