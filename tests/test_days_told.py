@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pinotwin as pt
 from pinotwin.diagnosis.days import law
+from pinotwin.diagnosis.days.stretch import smooth
 from tests.days_machine import Day, machine, write
 
 AHEAD = 0.9
@@ -49,3 +51,25 @@ def test_without_the_feed_forward_the_law_keeps_more(
 
 def _told(d: pt.Diagnosis) -> float:
     return max(x["score"]["law"] for x in d.to_dict()["evidence"] if x["what"] == "told")
+
+
+def test_a_velocity_loop_that_integrates_the_motor_has_one_gain_for_its_load() -> None:
+    rng, n, step, kp, kv, ki = np.random.default_rng(0), 4000, 1e-3, 40.0, 900.0, 30000.0
+    t = step * np.arange(n)
+    qr = 0.1 * np.sin(2.0 * np.pi * 0.7 * t) + 0.02 * np.sin(2.0 * np.pi * 3.1 * t)
+    load = qr - 2e-4 * np.gradient(qr, step) + 3e-4 * smooth(rng.standard_normal(n), step)
+    ahead = 3e-7 * np.gradient(np.gradient(load, step), step)  # of its motor, by what the belt gives
+    e, v = qr - load, np.gradient(load + ahead, step)
+    u = (
+        kv * (kp * e - v)
+        + ki * (kp * np.cumsum(e) * step - (load + ahead))
+        + 0.9 * kv * np.gradient(qr, step)
+    )
+    c = {"e": e, "ie": np.cumsum(e) * step, "v": v, "a": np.gradient(v, step), "qr": qr, "lead": -ahead}
+    c |= {k: np.gradient(qr, step) for k in ("vr",)}
+    c |= {"ar": np.gradient(c["vr"], step), "u": u + 0.5 * smooth(rng.standard_normal(n), step)}
+    c["jr"] = np.gradient(c["ar"], step)
+    found = law.Law.fitted([c])
+    assert found.cascade
+    assert found.kp == pytest.approx(kp, rel=0.05)
+    assert found.gains[-1] == pytest.approx(ki, rel=0.2)

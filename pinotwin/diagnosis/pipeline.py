@@ -76,15 +76,15 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    tell, seed, subject = report or (lambda *_: None), _seed(seed, random_state), as_subject(subject)
+    shares = {"false_alarm": false_alarm, "worth": worth}
+    tell, seed, subject = report or (lambda *_: None), _seed(seed, random_state, shares), as_subject(subject)
     tell("preparing the logs", 0.02)
     logs, unseen = as_logs(log), [] if validate is None else as_logs(validate, "validate")
     if not logs:
         raise DataError("no log given; give at least one")
     c = compare(subject, logs, unseen, pooled=isinstance(subject, Twin), worth=worth)
-    own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
+    own = shares | ({"effects": [kind_of(e).name for e in effects]} if effects else {})
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
-    options |= _shares(false_alarm=false_alarm, worth=worth)
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
     shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
@@ -196,16 +196,11 @@ def _where(c: Comparison, account: Account) -> list[Region]:
     return [*account.pushed()[:MOST_TIMES], *sorted(rest, key=lambda r: -(r.share - r.time_share))]
 
 
-def _shares(**given: float) -> dict[str, float]:
-    """Return shares that are between 0 and 1."""
-    for name, x in given.items():
+def _seed(seed: int, random_state: int | None, shares: Mapping[str, float]) -> int:
+    """Return the one seed that was given, beside shares that can be."""
+    for name, x in shares.items():
         if not 0.0 < x < 1.0:
             raise InputError(f"diagnose: {name}={x:g}: give a share between 0 and 1, such as 0.02")
-    return given
-
-
-def _seed(seed: int, random_state: int | None) -> int:
-    """Return the one seed that was given."""
     if random_state is None:
         return seed
     if seed:

@@ -13,7 +13,6 @@ from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape, known
 from pinotwin.effects.effect import Paired
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.tree import Tree
-from pinotwin.machine import Axis
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
@@ -41,8 +40,10 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
             continue
         if name in SAME and SAME[name] not in leave_out:
             continue
+        rubs = kind.family is FRICTION and not comparison.change
         for axis in machine.axes.values():
-            if axis.index in comparison.new.joints and not _listed(kind, axis, comparison):
+            has = [any(e.includes(part) for e in axis.effects) for part in SUMS.get(name, (name,))]
+            if axis.index in comparison.new.joints and not (rubs and all(has)):
                 beside = [EFFECTS[x].on(tree, axis.name) for x in BESIDE.get(name, ())]
                 for effect in kind.candidates(tree, axis.name, motion):
                     yield Joined(axis.name, (*beside, effect)) if beside else effect
@@ -50,13 +51,6 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
         worn = Worn.of(comparison.twin, axis.name) if axis.index in comparison.new.joints else None
         if worn is not None:
             yield worn
-
-
-def _listed(kind: type[Effect], axis: Axis, comparison: Comparison) -> bool:
-    """Whether a machine has this friction on an axis already, maybe as a part of another law."""
-    parts = SUMS.get(kind.name, (kind.name,))
-    has = all(any(e.includes(part) for e in axis.effects) for part in parts)
-    return has and kind.family is FRICTION and not comparison.change
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,7 @@ class Gate:
 
 def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()) -> Gate:
     """Return what logs of a machine can be asked: what one of them cannot show, none is asked."""
-    found = [(log, f) for log in logs for f in log.doubts]
-    # the unit of positions that are known is in no doubt
+    found = [(log, f) for log in logs for f in log.doubts]  # but for the unit of positions that are known
     found = [x for x in found if x[1].code != "position_unit" or {*_axes(machine, x[1], "q")} - {*sized}]
     effects: dict[str, dict[str, str]] = {}
     questions: dict[str, dict[str, str]] = {}
