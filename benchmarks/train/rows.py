@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,10 @@ from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
 from pinotwin.arrays import Floats
+from pinotwin.bench.cases import MACHINES, draw_cases, truth_of
+from pinotwin.bench.cases import Case as BenchCase
+from pinotwin.bench.catalogue import EXACT
+from pinotwin.bench.produce import healthy_twin, produce
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.days.causes import EFFECT
 from pinotwin.diagnosis.days.judge import evidence
@@ -33,6 +37,8 @@ from pinotwin.motion import Motion
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 MOST, SHORT = 45, 7.0
+VIRTUAL = (*MACHINES[:3], *(f"random:{k}" for k in range(101, 113)))
+"""Virtual machines of the withheld bench that weights are trained on: none of its own random ones."""
 HEALTHY: Mapping[str, Any] = {"causes": [], "kind": "none"}
 NAMES = {**EFFECT, "friction_at_start": "brake", "inertia": "inertial_coupling"}
 """Row -> name that the answers of cases use; others keep theirs."""
@@ -217,20 +223,24 @@ def cut(log: Log, start: float, seconds: float = SHORT) -> Log:
     return Log({k: np.array(log[k])[keep] for k in log.channels}, source=log.source)
 
 
-def short(twin: pt.Twin, asked: Iterator[tuple[str, Mapping[str, Any], Log]]) -> list[dict[str, Any]]:
-    """Return the questions to a twin of one short log, asked as a diagnosis does: where the twin knows itself."""
+Case = tuple[str, Mapping[str, Any], Sequence[Log], Sequence[Log]]
+"""Name of a question, its answer, the logs in question, and unseen ones."""
+
+
+def short(twin: pt.Twin, asked: Iterable[Case]) -> list[dict[str, Any]]:
+    """Return the questions to a twin of few short logs, asked as a diagnosis does: where the twin knows itself."""
     out, known = [], dict[tuple[str, ...], Reference | None]()
-    for case, answer, log in asked:
+    for case, answer, logs, unseen in asked:
         what = {"machine": twin.machine.name, "case": case, "kind": answer["kind"]}
         try:
-            c = compare(twin, [log], [])
+            c = compare(twin, logs, unseen)
             axes = tuple(twin.machine.names[j] for j in c.new.joints)
             if axes not in known:
                 known[axes] = reference(twin, axes)
-            r, causes = known[axes], answer["causes"]
+            r, causes, many = known[axes], answer["causes"], len(c.logs)
             if r is None or not r.laws:
                 continue  # nothing is said of it
-            q = Question.of(r, stretches_of(r, c.motions))
+            q = Question.of(r, stretches_of(r, c.motions[:many]), stretches_of(r, c.motions[many:]))
             if q.logs and all("e" in s.axes[k] for s in q.logs for k in r.laws):
                 out.append(_line(q, lambda row, causes=causes: right(causes, row), **what))
         except (PinotwinError, np.linalg.LinAlgError) as error:
@@ -241,19 +251,20 @@ def short(twin: pt.Twin, asked: Iterator[tuple[str, Mapping[str, Any], Log]]) ->
 def of_days(base: Path, faults: int = 6) -> list[dict[str, Any]]:
     """Return the questions of healthy days, whole and in parts, and of some changes to a twin of one short log."""
 
-    def asked() -> Iterator[tuple[str, Mapping[str, Any], Log]]:
+    def asked() -> Iterator[Case]:
         for case, run in [("none", "train"), ("none_2", "train"), ("none_2", "valid"), ("none_3", "valid")]:
             if (base / case).exists():
-                yield f"{case}_{run}", HEALTHY, pt.read(base / case / f"{run}.csv")
+                yield f"{case}_{run}", HEALTHY, [pt.read(base / case / f"{run}.csv")], []
         for k, start in ((2, 0.0), (3, 4.0), (4, SHORT)):
-            yield f"healthy_{k}", HEALTHY, cut(pt.read(base / f"healthy_{k}.csv"), start)
+            yield f"healthy_{k}", HEALTHY, [cut(pt.read(base / f"healthy_{k}.csv"), start)], []
         every = [p for p in base.iterdir() if (p / "answer.json").exists() and "+" not in p.name]
         plain = [p for p in every if not p.name.startswith(("none", "command_jitter", "held_rows"))]
         for d in sorted(plain, key=lambda p: crc32((base.name + p.name).encode()))[:faults]:
             yield (
                 d.name,
                 json.loads((d / "answer.json").read_text(encoding="utf-8")),
-                pt.read(d / "train.csv"),
+                [pt.read(d / "train.csv")],
+                [],
             )
 
     log = cut(pt.read(base / "healthy_1.csv"), 0.0)
@@ -270,14 +281,38 @@ def of_motions(name: str, seeds: range = range(100, 140, 5)) -> list[dict[str, A
     out = []
     for seed in seeds:
         twin = pt.identify(pt.Machine.load(name), moved(seed), loop=False)
-        out += short(twin, (("none", HEALTHY, moved(k)) for k in range(seed + 1, seed + 5)))
+        out += short(twin, (("none", HEALTHY, [moved(k)], []) for k in range(seed + 1, seed + 5)))
     return out
+
+
+def of_bench(machine: str, folder: Path) -> list[dict[str, Any]]:
+    """Return the questions of changes of one virtual machine of the withheld bench, and of none."""
+    cases = draw_cases([machine], 1, situations=["change"], seed=crc32(machine.encode()))
+    cases = [x for x in cases if x.kind in ("healthy", "single", "outside", "form")]
+
+    def asked(twin: int) -> Iterator[Case]:
+        for case in cases:
+            if case.twin == twin:
+                sealed = produce(case).sealed
+                yield f"bench_{case.number}", _answer(case), sealed.logs, sealed.validation
+
+    return [x for k in (0, 1) for x in short(healthy_twin(folder, machine, k), asked(k))]
+
+
+def _answer(case: BenchCase) -> dict[str, Any]:
+    """Return the answer of a case as :func:`right` reads it: a body may be named on any axis."""
+    causes = []
+    for name, axis in truth_of(case):
+        names = sorted({name}.union(*(x for x in EXACT if name in x)))
+        causes.append({"axis": "*" if "payload" in names else axis, "kind": name, "names": names})
+    return {"kind": f"bench_{case.effects[0][0]}", "causes": causes} if causes else HEALTHY
 
 
 def main(words: Sequence[str]) -> None:
     """Write ``MACHINE.jsonl`` into OUT for every machine folder of CASES; old ones are kept. ``--single``: one run.
 
-    ``--short``: of twins of one short log, of these machines and of those of the package.
+    ``--short``: of twins of one short log, of these machines and of those of the package. ``--bench``: of virtual
+    machines of the withheld bench instead.
     """
     cases, out = map(Path, words[:2])
     bases = sorted(p for p in cases.iterdir() if (p / "twin" / "twin.json").exists())
@@ -286,6 +321,8 @@ def main(words: Sequence[str]) -> None:
         wanted = {p.name: partial(of_days, p) for p in bases} | {
             k: partial(of_motions, k) for k in pt.machines()
         }
+    if "--bench" in words:
+        wanted = {k.replace(":", "_"): partial(of_bench, k, out / "twins") for k in VIRTUAL}
     out.mkdir(parents=True, exist_ok=True)
     for name, made in wanted.items():
         path = out / f"{name}.jsonl"
