@@ -9,6 +9,8 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.diagnosis.days import law
+from pinotwin.diagnosis.days.mechanisms import zeros
+from pinotwin.diagnosis.days.reference import reference
 from pinotwin.diagnosis.days.stretch import smooth
 from tests.days_machine import Day, machine, write
 
@@ -73,3 +75,17 @@ def test_a_velocity_loop_that_integrates_the_motor_has_one_gain_for_its_load() -
     assert found.cascade
     assert found.kp == pytest.approx(kp, rel=0.05)
     assert found.gains[-1] == pytest.approx(ki, rel=0.2)
+
+
+def test_a_zero_is_told_by_what_it_does_beyond_the_slope(twin: pt.Twin) -> None:
+    r, shift = reference(twin, ["X", "A"]), 0.5
+    assert r is not None
+    s = r.logs[0]
+    q = s.motion.q[s.rows]
+    still = np.zeros_like(q)
+    change = s.low(twin.predict(q - [0.0, shift], still, still) - twin.predict(q, still, still))
+    left = {("X", "plant"): 0.0 * change[:, 0], ("A", "plant"): change[:, 1]}
+    course = zeros(r, s, left)["zero:A"]["A"]
+    found = float(course @ change[:, 1] / (course @ course))
+    assert found == pytest.approx(shift, rel=0.02)
+    assert np.std(change[:, 1] - found * course) < 0.03 * np.std(change[:, 1])

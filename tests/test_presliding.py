@@ -7,8 +7,9 @@ import pytest
 from scipy.optimize import nnls
 
 import pinotwin as pt
-from pinotwin.effects.presliding import EXPONENTIAL, Presliding, contact, encoder_noise, yields
+from pinotwin.effects.presliding import EXPONENTIAL, Presliding, contact, yields
 from pinotwin.motion import AxisMotion
+from pinotwin.signals import roughness
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.slide import slide
 
@@ -95,7 +96,7 @@ class TestEncoderNoise:
         rng = np.random.default_rng(1)
         q = np.concatenate([np.linspace(0.0, 5.0 * X_S, 500), np.full(3000, 5.0 * X_S)])
         noisy = q + rng.normal(0.0, 2e-8, len(q))
-        noise = encoder_noise(moved(noisy))
+        noise = roughness(moved(noisy).q[s] for s in moved(noisy).segments)
         assert noise == pytest.approx(2e-8, rel=0.1)
         assert contact(moved(noisy), X_S)[-1, 1] < 0.5  # crept
         assert contact(moved(noisy), X_S, 3.0 * noise)[-1, 1] > 0.95

@@ -89,11 +89,6 @@ def contact(
     return out
 
 
-def encoder_noise(motion: AxisMotion) -> float:
-    """Return the standard deviation of a position's noise, quantisation included [m or rad]."""
-    return roughness(motion.q[s] for s in motion.segments)
-
-
 @dataclass(frozen=True)
 class Presliding(Friction, AxisEffect):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'."""
@@ -130,7 +125,8 @@ class Presliding(Friction, AxisEffect):
         """Return the effect with the encoder's noise in this log as play."""
         if self.play is not None:
             return self
-        return replace(self, play=encoder_noise(motion.axis(self.axis)))
+        own = motion.axis(self.axis)
+        return replace(self, play=roughness(own.q[s] for s in own.segments))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         names = "c" + "s" * bool(self.stribeck) + "m" * bool(self.bristle)

@@ -6,7 +6,7 @@ in :func:`descriptions`, as the rival of every name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -189,15 +189,21 @@ def after_starts(s: Stretch, name: str, long: float) -> Floats:
     return s.taken(on * np.sign(m.v[:, m.names.index(name)]))
 
 
-def zeros(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
-    """Return what a zero off by one unit does to every effort: ``zero:AXIS`` -> axis -> -d tau / d q, (n,)."""
+def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> dict[str, dict[str, Floats]]:
+    """Return what a zero does to every effort, over how far it is off: ``zero:AXIS`` -> axis -> (n,)."""
     names, out = r.twin.machine.names, {}
     q = s.motion.q[s.rows]
-    still, step = np.zeros_like(q), 1e-3
+    still = np.zeros_like(q)
     for name in r.axes:
-        move = np.where(np.array(names) == name, step, 0.0)
-        low, high = (r.twin.predict(q + x * move, still, still) for x in (1.0, -1.0))
-        turn = s.low((high - low) / (2.0 * step))
+        one, shift = np.array(names) == name, 0.0
+        for _ in range(3):  # a slope alone, -d tau / d q, ends where a ripple turns
+            step = max(0.5 * abs(shift), 1e-3)
+            low, high = (
+                r.twin.predict(q + (x * step - 0.5 * shift) * one, still, still) for x in (1.0, -1.0)
+            )
+            turn = s.low((high - low) / (2.0 * step))
+            x = turn[:, names.index(name)]
+            shift = float(x @ left[name, "plant"]) / max(float(x @ x), 1e-300)
         if np.std(turn[:, names.index(name)]) > 1e-3 * r.widths[name]["effort"]:
             out[f"zero:{name}"] = {k: turn[:, names.index(k)] for k in r.axes}
     return out

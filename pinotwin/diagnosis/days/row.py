@@ -34,10 +34,9 @@ class Row:
         closed: equation -> share of what is open.
         valid: gain on the validation log with the numbers as they are [nats]; None where there is none.
         what: other axis of a cross friction, or channel of a description.
-        place, spans: of what acts at places or instants.
+        place, spans: of what acts at places or instants. p: probability [1]. alike: of its class, as probable.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
-        p: probability in its question [1]. alike: names of its class that are as probable.
         form: the effect whose columns these are. scale: what its coefficients were divided by, shape (count,).
     """
 

@@ -216,10 +216,7 @@ class Lacking:
 def lacking(
     c: Comparison, leave_out: Collection[str] = (), admits: Admits = lambda *_: True, most: int = 5
 ) -> Lacking:
-    """Return what a machine's model lacks, at most so many causes.
-
-    ``leave_out``: effects that are not considered; ``admits``: which one is, on an axis, by what else was measured.
-    """
+    """Return what a model lacks, at most so many causes: none of ``leave_out``, none that ``admits`` refuses."""
     finder, turns = Finder(c, leave_out, admits), list[Turn]()
     g = start = Ground.of(c)
     while len(turns) < most:

@@ -89,7 +89,7 @@ class Tried:
 
     def _wide(self, left: Sequence[Left]) -> dict[str, list[dict[str, Floats]]]:
         """Return what acts on several axes, in every stretch, and zeros that moved within a log."""
-        logs, out = self.q.logs, _several(self.r, self.q.logs)
+        logs, out = self.q.logs, _several(self.r, list(zip(self.q.logs, left, strict=True)))
         for name in [k.partition(":")[2] for k in out if k.startswith("zero:")]:
             turns = out[f"zero:{name}"]
             found = since(logs, [x[name] for x in turns], left, (name, "plant"))
@@ -104,7 +104,7 @@ class Tried:
     def _validation(self) -> dict[str, Columns]:
         """Return the causes in the validation logs whose columns do not hang on the logs in question."""
         q, r, out, ends = self.q, self.r, {}, self.q.ends()
-        wide = _several(r, q.valid)
+        wide = _several(r, list(zip(q.valid, q.valid_left, strict=True)))
         for name in r.axes:
             each = []
             for k, (s, left) in enumerate(zip(q.valid, q.valid_left, strict=True)):
@@ -133,9 +133,9 @@ class Tried:
         return out | {k: {"plant": again(x, s)} for k, x in told.items()}
 
 
-def _several(r: Reference, logs: Sequence[Stretch]) -> dict[str, list[dict[str, Floats]]]:
+def _several(r: Reference, logs: Sequence[tuple[Stretch, Left]]) -> dict[str, list[dict[str, Floats]]]:
     """Return what acts on several axes, in every stretch: a body on a link, a motor, the zero of a joint."""
-    each = [bodies(r, s) | motors(r, s) | zeros(r, s) for s in logs]
+    each = [bodies(r, s) | motors(r, s) | zeros(r, s, left) for s, left in logs]
     return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
