@@ -152,8 +152,9 @@ def _course(r: Reference, s: Stretch, key: tuple[str, str], row: Row, k: int) ->
     c = s.axes[key[0]]
     if not row.name:
         return np.zeros(len(s.t))
-    if row.name == "zero_since":
-        return zeros(r, s, r.residuals(s))[f"zero:{key[0]}"][key[0]] * row.theta
+    turned = zeros(r, s, r.residuals(s)).get(f"zero:{key[0]}") if row.name == "zero_since" else None
+    if turned is not None:
+        return turned[key[0]] * row.theta
     if row.group == "onset":
         once = c["dry"] if row.name == "friction_since" else c["sg"] * r.widths[key[0]]["effort"]
         return np.asarray(once * row.theta)

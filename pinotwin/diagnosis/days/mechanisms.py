@@ -193,18 +193,17 @@ def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> d
     """Return what a zero does to every effort, over how far it is off: ``zero:AXIS`` -> axis -> (n,)."""
     names, out = r.twin.machine.names, {}
     q = s.motion.q[s.rows]
-    still = np.zeros_like(q)
     for name in r.axes:
         one, shift = np.array(names) == name, 0.0
         for _ in range(3):  # a slope alone, -d tau / d q, ends where a ripple turns
             step = max(0.5 * abs(shift), 1e-3)
             low, high = (
-                r.twin.predict(q + (x * step - 0.5 * shift) * one, still, still) for x in (1.0, -1.0)
+                r.twin.predict(q + (x * step - 0.5 * shift) * one, 0.0 * q, 0.0 * q) for x in (1.0, -1.0)
             )
             turn = s.low((high - low) / (2.0 * step))
             x = turn[:, names.index(name)]
             shift = float(x @ left[name, "plant"]) / max(float(x @ x), 1e-300)
-        if np.std(turn[:, names.index(name)]) > 1e-3 * r.widths[name]["effort"]:
+        if np.std(x) > 1e-3 * r.widths[name]["effort"]:
             out[f"zero:{name}"] = {k: turn[:, names.index(k)] for k in r.axes}
     return out
 
