@@ -47,8 +47,9 @@ class Told:
 
     @property
     def sure(self) -> bool:
-        """Whether it is named: it is likely, and closes some of a residual; otherwise it is possible, or nothing."""
-        return self.probability >= SETTINGS.likely and any(x.share > 0.0 for x in self.closed.values())
+        """Whether it is named: it is likely, and no validation log contradicts it on every axis."""
+        told = any(x.share > 0.0 or x.on != "validation" for x in self.closed.values())
+        return told and self.probability >= SETTINGS.likely
 
 
 class Account:

@@ -197,9 +197,8 @@ def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> d
         one, shift = np.array(names) == name, 0.0
         for _ in range(3):  # a slope alone, -d tau / d q, ends where a ripple turns
             step = max(0.5 * abs(shift), 1e-3)
-            low, high = (
-                r.twin.predict(q + (x * step - 0.5 * shift) * one, 0.0 * q, 0.0 * q) for x in (1.0, -1.0)
-            )
+            ends = q + (step - 0.5 * shift) * one, q - (step + 0.5 * shift) * one
+            low, high = (r.twin.predict(x, 0.0 * q, 0.0 * q) for x in ends)
             turn = s.low((high - low) / (2.0 * step))
             x = turn[:, names.index(name)]
             shift = float(x @ left[name, "plant"]) / max(float(x @ x), 1e-300)
