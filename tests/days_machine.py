@@ -43,9 +43,7 @@ class Day:
         default_factory=dict
     )  # axis -> limit, its loss over speed, since
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
-    ahead: float = (
-        0.0  # acceleration feed-forward of both controllers, over the inertia that they are told of
-    )
+    ahead: float = 0.0  # acceleration feed-forward of both controllers, over the inertia they are told
     began: float = 0.0  # how long it has been growing before the run [s]
     seconds: float = 10.0
 

@@ -47,7 +47,7 @@ def test_without_the_feed_forward_the_law_keeps_more(
     folder: Path, twin: pt.Twin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = _told(_diagnosed(folder, twin, 2.0))
-    monkeypatch.setattr(law, "TOLD", ("loop_gain",))
+    monkeypatch.setattr(law, "FOLLOWS", ("loop_gain",))
     assert _told(_diagnosed(folder, twin, 2.0)) < 0.9 * both
 
 
@@ -68,8 +68,8 @@ def test_a_velocity_loop_that_integrates_the_motor_has_one_gain_for_its_load() -
         + 0.9 * kv * np.gradient(qr, step)
     )
     c = {"e": e, "ie": np.cumsum(e) * step, "v": v, "a": np.gradient(v, step), "qr": qr, "lead": -ahead}
-    c |= {k: np.gradient(qr, step) for k in ("vr",)}
-    c |= {"ar": np.gradient(c["vr"], step), "u": u + 0.5 * smooth(rng.standard_normal(n), step)}
+    c |= {"vr": np.gradient(qr, step), "u": u + 0.5 * smooth(rng.standard_normal(n), step)}
+    c["ar"] = np.gradient(c["vr"], step)
     c["jr"] = np.gradient(c["ar"], step)
     found = law.Law.fitted([c])
     assert found.cascade

@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_045,
+    lines: 55_044,
     module_numbers: 105,
     numbers_without_unit: 291,
     stories: 5,

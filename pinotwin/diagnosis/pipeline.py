@@ -197,7 +197,7 @@ def _where(c: Comparison, account: Account) -> list[Region]:
 
 
 def _seed(seed: int, random_state: int | None, shares: Mapping[str, float]) -> int:
-    """Return the one seed that was given, beside shares that can be."""
+    """Return the one seed that was given; refuse shares that cannot be."""
     for name, x in shares.items():
         if not 0.0 < x < 1.0:
             raise InputError(f"diagnose: {name}={x:g}: give a share between 0 and 1, such as 0.02")

@@ -59,9 +59,8 @@ class Gap:
 
     def is_open(self, signal: str = "u") -> bool:
         """Whether more of a signal stays, once the named effects are modelled, than of a healthy axis."""
-        return not self.small and is_open(
-            self.after, self.noise, self.expected, self.variation, signal=signal
-        )
+        left = is_open(self.after, self.noise, self.expected, self.variation, signal=signal)
+        return left and not self.small
 
 
 @dataclass(frozen=True)

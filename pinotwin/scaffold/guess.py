@@ -284,12 +284,12 @@ def _by_place(table: _Table) -> None:
 
 
 def _following(log: Log, columns: Sequence[str], follows: float = 0.02) -> Iterable[list[str]]:
-    """Yield groups of columns that differ by less than a share of their motion: of one axis."""
+    """Yield groups of columns that differ, at their own lag, by less than a share of their motion: of one axis."""
     free = list(columns)
     while free:
         one, *others = free
-        away = {x: distance(log[one], log[x]) for x in others}  # at their own lag
-        away = {x: d * np.sqrt(1.0 - min(lead(log[one], log[x])[1], 1.0)) for x, d in away.items()}
+        a = log[one]
+        away = {x: distance(a, log[x]) * np.sqrt(1.0 - min(lead(a, log[x])[1], 1.0)) for x in others}
         group = [one, *(x for x, d in away.items() if d <= follows)]
         free = [c for c in free if c not in group]
         if len(group) > 1:

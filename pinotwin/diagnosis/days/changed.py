@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.law import TOLD, Law
+from pinotwin.diagnosis.days.law import FOLLOWS, Law
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
 from pinotwin.diagnosis.payload import loaded_twin, physical, plain_body
@@ -32,7 +32,7 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
     if row.name == "payload":
         twin = loaded_twin(twin, axis, physical(plain_body(row.numbers)))
         for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told
-            twin = _turned(twin, name, gain * sum(laws[name].numbers()[x] for x in TOLD)) or twin
+            twin = _turned(twin, name, gain * sum(laws[name].numbers()[x] for x in FOLLOWS)) or twin
         return twin
     parts = {"friction_scale": ("dry", "viscous"), "coulomb": ("dry",), "viscous": ("viscous",)}.get(row.name)
     if parts is None:

@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
 
 TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
-TOLD = ("loop_gain", "acceleration_feedforward")
+FOLLOWS = ("loop_gain", "acceleration_feedforward")
 """Numbers of a controller that follow the load which it is told of."""
 SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
 """Gains that a controller can have, any where none are listed; a copy of the plant has others."""

@@ -153,7 +153,7 @@ def _told(acts: dict[str, Acts], name: str, laws: Sequence[str]) -> dict[str, Ac
     out = {"plant": np.column_stack([body, np.zeros((len(body), len(laws)))])}
     if "loop_gain" in acts:
         out["law"] = np.zeros_like(out["plant"])
-        out["law"][:, body.shape[1] + laws.index(name)] = sum(acts[x]["law"] for x in law.TOLD)
+        out["law"][:, body.shape[1] + laws.index(name)] = sum(acts[x]["law"] for x in law.FOLLOWS)
     return {f"payload:{TOLD}": out}
 
 
