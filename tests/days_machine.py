@@ -42,6 +42,9 @@ class Day:
     limit: dict[str, tuple[float, float, float]] = field(
         default_factory=dict
     )  # axis -> limit, its loss over speed, since
+    idle: dict[str, float] = field(
+        default_factory=dict
+    )  # axis -> error up to which its controller does nothing
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
     ahead: float = 0.0  # acceleration feed-forward of both controllers, over the inertia they are told
     began: float = 0.0  # how long it has been growing before the run [s]
@@ -84,6 +87,7 @@ def run(day: Day) -> dict[str, np.ndarray]:
             most, loss, since = day.limit.get(k, (math.inf, 0.0, 0.0))
             most = math.inf if i / RATE < since else most - loss * abs(v[j]) * (u[j] * v[j] > 0.0)
             asked = kv[j] * wish + total[j] + ki[j] * wish / RATE + (CARRIAGE + arm, turned)[j] * ar[i, j]
+            asked *= abs(qr[i, j] - seen[j]) >= day.idle.get(k, 0.0)
             u[j] = max(-most, min(most, asked))
             total[j] += ki[j] * wish / RATE * (u[j] == asked)
             out[f"{k}.qr"][i], out[f"{k}.q"][i], out[f"{k}.u"][i] = qr[i, j], seen[j], u[j]

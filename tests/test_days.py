@@ -14,7 +14,7 @@ from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
-from pinotwin.diagnosis.days.judge import evidence, likeliest
+from pinotwin.diagnosis.days.judge import evidence, named
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
@@ -260,8 +260,7 @@ def test_a_screen_names_one_cause_at_most(folder: Path, twin: pt.Twin) -> None:
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:
     rows = [_friction("friction_scale", 60.0), _friction("coulomb", 59.5), _friction("viscous", 20.0)]
     case = Case.of(rows, {}, {"X": 0.01}, 2, first=True)
-    found = likeliest(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]))
-    assert found is not None
+    found = named(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]), 0)
     assert found.row.name == "friction_scale"
     assert found.probability == pytest.approx(0.94 / 0.98)
     assert [r.name for r in found.alike] == ["coulomb"]
@@ -329,6 +328,15 @@ def test_a_drive_at_its_limit_is_a_law_that_is_clipped(
     assert [(e.effect, e.axis) for e in found.effects] == [("saturation", axis)]
     assert found.effects[0].size[0].after == pytest.approx(level, rel=0.05)
     assert found.effects[0].confidence > 0.8
+
+
+@pytest.mark.parametrize("band", [5e-4, 1e-3])
+def test_a_controller_that_does_nothing_near_its_command_has_a_dead_band(
+    folder: Path, twin: pt.Twin, band: float
+) -> None:
+    found = _asked(folder, twin, "idle", idle={"X": band})
+    assert [(e.effect, e.axis) for e in found.effects][:1] == [("dead_band", "X")]
+    assert found.effects[0].size[0].after == pytest.approx(band, rel=0.15)
 
 
 def test_a_command_that_jitters_is_no_limit(folder: Path, twin: pt.Twin) -> None:

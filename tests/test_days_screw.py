@@ -23,9 +23,12 @@ def _day(
     moved: float = 0.0,
     floats: float = 0.0,
     give: float = 1.0,
+    wave: float = 0.0,
+    worn: float = 0.0,
 ) -> Log:
     """Return a day's log with a scale on the load; what grows is 1 - exp(-t / 6 s), from a bearing at -0.4 m.
 
+    A ``wave`` repeats every 16 mm of the scale; what is ``worn`` is 0.1 m long.
     A load that ``floats`` lies on the side to which friction and inertia push it, and anywhere between at rest.
     """
     log, rng = run(Day(command=command, noise=noise)), np.random.default_rng(noise)
@@ -37,6 +40,7 @@ def _day(
     twist += 0.5 * floats * _rests(drive, v, np.random.default_rng([noise, 1]))
     off = (LEAD + scale + 4e-6 * rng.standard_normal()) * q + BOW * (1.0 - (q / 0.25) ** 2)
     off += grows * (1.0 - np.exp(-t / 6.0)) * (q + 0.4) + 1e-6 * rng.standard_normal()
+    off += wave * np.sin(2.0 * np.pi * q / 0.016) + worn * np.exp(-(((q - 0.05) / 0.05) ** 2))
     load = q - twist + off + 2e-7 * rng.standard_normal(len(q))
     return Log({**log, "X.ql": load}, source=f"day {command} {noise}")
 
@@ -105,7 +109,7 @@ def test_a_drive_that_gives_twenty_times_as_much_is_told_beside_quiet_rows(twin:
     found = _asked(twin, give=20.0)
     assert [(e.effect, e.axis) for e in found.effects] == [("drive_flexibility", "X")]
     first = found.effects[0]
-    assert 10.0 * first.size[0].before < first.size[0].after < 40.0 / STIFFNESS
+    assert STIFFNESS / 40.0 < first.size[0].after < 0.1 * first.size[0].before
 
 
 @pytest.mark.parametrize("grows", [-120e-6, 80e-6])
@@ -114,6 +118,20 @@ def test_a_screw_that_grows_is_told_wherever_its_bearing_is(twin: pt.Twin, grows
     assert (found.effects[0].effect, found.effects[0].axis) == ("encoder_scale", "X")
     assert np.sign(found.effects[0].theta["error"]) == np.sign(grows)
     assert "grows" in found.sentence
+
+
+def test_an_error_that_repeats_along_the_scale_is_told_with_its_pitch(twin: pt.Twin) -> None:
+    found = pt.diagnose(twin, [_day(30, 40, wave=5e-6), _day(30, 41, wave=5e-6)])
+    assert [(e.effect, e.axis) for e in found.effects] == [("encoder_error", "X")]
+    assert found.effects[0].shape["period"] == pytest.approx(0.016, rel=0.01)
+    assert abs(found.effects[0].size[0].after) == pytest.approx(5e-6, rel=0.1)
+
+
+def test_a_worn_part_of_a_scale_is_told_with_its_place(twin: pt.Twin) -> None:
+    found = pt.diagnose(twin, [_day(30, 40, worn=1e-5), _day(30, 41, worn=1e-5)])
+    assert [(e.effect, e.axis) for e in found.effects] == [("encoder_error", "X")]
+    place = next(x for x in found.where if x.kind == "position" and x.signal == "ql")
+    assert place.range[0] < 0.05 < place.range[1]
 
 
 def test_what_is_open_has_its_likeliest_cause_beside_it_though_that_is_too_unsure_to_be_named(

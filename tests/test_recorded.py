@@ -21,6 +21,7 @@ KINDS = {
     "held": "rows_held",
     "strange": "effort_strange",
     "drawn": "interpolated",
+    "jitter": "command_jitter",
 }
 
 
@@ -52,6 +53,9 @@ def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:  # noqa: C901, one ca
             rows = rows // 3 * 3
         case "strange":
             c[f"{axis}.u"] = np.roll(c[f"{axis}.u"], n // 2)
+        case "jitter":
+            late = rows - 0.1 * np.abs(rng.normal(size=n))
+            c |= {k: np.interp(late, rows, x) for k, x in c.items() if k == f"{axis}.qr"}
         case "drawn":
             c = {k: x if k == "t" else np.interp(c["t"], c["t"][::5], x[::5]) for k, x in c.items()}
     if kind in ("lost", "doubled"):

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case, Decision, channel, known
-from pinotwin.diagnosis.days.judge import Named, family, likeliest
+from pinotwin.diagnosis.days.judge import Named, decided, family
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.settings import SETTINGS
 
@@ -188,8 +188,7 @@ def left_out(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def answered(d: Decision, q: Asked) -> tuple[float, Named | None, bool]:
     """Return P(nothing) [1], the likeliest cause as a diagnosis has it, and whether that is right."""
-    P = d.probabilities(q.case)
-    one = likeliest(q.case, P)
+    P, one = decided(q.case, d)
     return float(P[0]), one, one is not None and q.case.causes.index(one.row) + 2 in q.right
 
 

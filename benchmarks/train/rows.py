@@ -61,7 +61,6 @@ STRICT = {
 """Kind of case -> the rows that describe it; any accepted name would do for the contract, but not for the training."""
 SPOILT = {
     "late": "command_late",
-    "frozen": "effort_frozen",
     "clock": "clock_scale",
     "other_run": "effort_of_another_run",
 }

@@ -120,12 +120,14 @@ def follows(name: str, what: str, since: Sequence[float]) -> str:
     if what == "read":
         return "the controller did not ask for it: the effort may be misread"
     words = {
-        "friction_at_start": f"it acts for {long} after every start",
+        "friction_at_start": f"it acts for {long} after every start, like a brake that releases late",
         "friction_since": "it begins within the run",
         "zero_since": "it begins within the run",
         "torque_fades": "it grows through the run",
         "drift": "it grows through the runs",
         "encoder_grows": "it grows through the run",
+        "encoder_period": "it repeats along the stroke",
+        "encoder_along": "it goes with the place along the stroke",
         "cross_friction": f"it is dry friction that changes with the position of {what}",
         **dict.fromkeys(("motor_coulomb", "motor_viscous"), "it is friction of the motor, not of one axis"),
         "cut": "it comes at the same instants of every run: a process force",

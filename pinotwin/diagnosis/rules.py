@@ -54,8 +54,6 @@ class Rules:
     """[of the squared twist between motor and load] Least that elasticity, lost motion or a table closes of it."""
     encoder_strength: float = 12.0
     """[squared standard errors] Least size of what lies between motor and load."""
-    encoder_second: float = 0.1
-    """[of the squared twist] Least that a further part closes on an axis that has one: less is its form."""
 
     open_change: float = 1.8
     """[misfit and noise together] What stays of a gap beyond this is open."""

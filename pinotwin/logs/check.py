@@ -34,7 +34,7 @@ _POSITION = (
     "effort_scale",
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("rows_doubled", "rows_lost"), ("effort_strange", "command_late")),
+    **dict.fromkeys(("rows_doubled", "rows_lost", "command_jitter"), ("effort_strange", "command_late")),
     **dict.fromkeys(("rows_held", "interpolated"), ("effort_strange", "rows_doubled", "command_late")),
     "effort_noise": ("loop_unstable",),
     "effort_stands": ("loop_unstable",),

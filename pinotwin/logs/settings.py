@@ -14,6 +14,7 @@ class Settings:
     shortest: float = 0.5  # [s] log below which no axis has gone to and fro, and nothing is identified
     bridged: int = 2  # missing samples in a row that are interpolated: a motion changes little in two
     jitter: float = 0.02  # [steps] scatter of the stamps from which the motion is asked for the clock
+    scatter: float = 0.005  # [steps] of set points from which they jitter; smooth ones stay below 0.0005
     no_clock: float = 0.3  # share of intervals off by half a step or more, from which there is no clock
     smoother: float = 0.5  # ratio of the positions' roughness from which one clock is better than another
     other_speed: float = 0.5  # RMS difference of a speed from the position's, over its RMS: another channel

@@ -64,6 +64,8 @@ LOG = {  # what `check` says of a log: code -> sentence
     "rows_held": "each measurement is held for {count} rows while the command moves on: the log is sampled faster than "
     "the drive answers; log at its rate",
     "interpolated": "{percent:.0f} % of the rows lie on lines between others: drawn from a slower log; use that one",
+    "command_jitter": "its steps scatter by {percent:.2g} % from row to row: the set points are made, sent or stamped "
+    "on a clock that jitters; give them an even one",
     "frozen": "stands still from {start:.4g} to {end:.4g} s while the axis moves: the channel froze; leave that "
     "stretch out (data: leave_out in machine.yaml)",
     # the axes
@@ -431,6 +433,11 @@ CAUSES = {  # cause that is no effect of a machine file -> title, what it is, an
         "the controller adds another share of the commanded acceleration than it did",
         "compare the drive's parameters with the backup",
     ),
+    "dead_band": (
+        "Dead band of the controller",
+        "the controller does nothing while the axis is near its command",
+        "compare the drive's parameters with the backup; look for a worn potentiometer, or a valve with overlap",
+    ),
     "zero": (
         "Zero of the joint",
         "the joint stands elsewhere than its encoder says",
@@ -447,16 +454,11 @@ CAUSES = {  # cause that is no effect of a machine file -> title, what it is, an
         "check screw and scale for warmth, and the compensation tables",
     ),
     "command_late": ("Command recorded late", "", "record command and position by one clock"),
-    "command_jitter": (
-        "Command rougher than the drive followed",
-        "",
-        "log the set points that the drive acts on",
-    ),
+    "command_jitter": ("Set points on a clock that jitters", "", "send the set points on an even clock"),
     "clock_scale": ("Clock at another rate", "", "record the time stamps of the controller"),
     "effort_of_another_run": ("Effort of another run", "", "record the effort with the same trigger"),
     "rows_lost": ("Rows lost", "", "raise the logger's buffer, or log fewer channels"),
     "rows_held": ("Measurements held for several rows", "", "log at the rate of the measurements"),
     "interpolated": ("Lines through a slower log", "", "export the log as it was measured"),
     "frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
-    "effort_frozen": ("Effort that stands still", "", "look for lost telegrams of the drive"),
 }

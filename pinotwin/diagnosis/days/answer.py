@@ -43,7 +43,7 @@ SHOWN = {"plant": "u", "law": "e", "encoders": "ql"}
 """Equation -> signal in which its residual is stated."""
 BEGINS = ("friction_since", "friction_at_start", "zero_since", "")
 """Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
-PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "frozen", "effort_of_another_run")
+PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "command_jitter", "frozen")
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,8 +376,8 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     many = len(c.logs)
     new, valid = _Rows.of(r, c.motions[:many]), _Rows.of(r, c.motions[many:]) if c.validation else None
     lawful = bool(r.laws) and all("e" in s.axes[k] for s in new.stretches for k in r.laws)
-    if not new.stretches or not (lawful or r.days >= SEVERAL):
-        return None  # without the controller's law and other days a recording and a machine look alike
+    if not new.stretches or not (lawful or r.days >= SEVERAL or set(r.twists) == set(r.axes)):
+        return None  # without the controller's law, other days or a second encoder a recording and a machine look alike
     r = r if lawful else r.without_laws()
     valid = valid if valid is not None and valid.stretches else None
     a = Answer(c, r, _judged(c, r, new, valid, options), new, valid)

@@ -42,6 +42,8 @@ EFFECT = {
     "torque_fades": "effort_scale",
     "effort_late": "delay",
     "encoder_grows": "encoder_scale",
+    "encoder_period": "encoder_error",
+    "encoder_along": "encoder_error",
     "limit": "saturation",
 }
 """Row -> effect of the contract; others keep their name."""
@@ -122,20 +124,26 @@ def sizes(row: Row, at: Place) -> list[Size]:
     """Return what changed from what to what, with 90 % intervals."""
     if row.name == "payload":
         return _body(row)
+    if effect_of(row.name) == "external_force":
+        return [_largest(row, "plant", "largest disturbance", at.force)]
+    if row.name in ("encoder_period", "encoder_along"):
+        return [_largest(row, "encoders", "encoder_error.largest", at.length)]
     if row.form is not None:
         return _coefficients(row, row.form, at)
-    if row.group == "time" or row.name == "snag":
-        return [_largest(row, at)]
     name, before, factor, unit = unit_of(row.name, at)
-    change, half = row.theta * factor, 1.645 * abs(row.error * factor)
-    if row.group == "friction":
-        change = max(change, -before)  # friction falls to none, not below
-    low, high = before + change - half, before + change + half
     if row.name == "limit":
         return [Size(name, np.inf, row.theta, unit, (float("nan"), float("nan")))]
     if row.group == "recording":
         return [Size(name, float("nan"), row.theta, unit, (float("nan"), float("nan")))]
-    return [Size(name, before, before + change, unit, (min(low, high), max(low, high)))]
+
+    def after(x: float) -> float:
+        if row.name == "compliance":  # a number of what the drive gives, not of its stiffness
+            return before / max(1.0 + x, 1e-9)
+        return before + factor * x
+
+    low, high = sorted(after(row.theta + k * abs(row.error)) for k in (-1.645, 1.645))
+    now = after(row.theta)
+    return [Size(name, before, max(now, 0.0) if row.group == "friction" else now, unit, (low, high))]
 
 
 def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
@@ -154,7 +162,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     dry, viscous = at.friction("dry"), at.friction("viscous")
     law = at.reference.laws.get(at.axis)
     kp = 0.0 if law is None else law.kp
-    gives = -at.reference.twists.get(at.axis, -np.ones(1))[0]
+    stiff = -1.0 / min(float(at.reference.twists.get(at.axis, -np.ones(1))[0]), -1e-300)
     per, mass = f"{at.force}·s/{at.length}", "kg·m²" if at.length == "rad" else "kg"
     table = {
         "coulomb": ("coulomb.c", *dry, at.force),
@@ -167,10 +175,11 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "drift": ("offset.drift", 0.0, at.effort, at.force),
         "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), mass),
         "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
-        "compliance": ("drive_flexibility.compliance", gives, gives, f"{at.length}/{at.force}"),
+        "compliance": ("drive_flexibility.stiffness", stiff, -stiff, f"{at.force}/{at.length}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
+        "dead_band": ("dead_band.half_width", 0.0, 1.0 if law is None else at.spread("e"), at.length),
         "zero": ("zero.shift", 0.0, 1.0, at.length),
         "encoder_step": ("encoder_step.step", 0.0, 1e-4, at.length),
         "encoder_scale": ("encoder_scale.error", 0.0, 1e-4, "1"),
@@ -178,7 +187,6 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "tooth": ("position_table.peak", 0.0, at.effort, at.force),
         "limit": ("saturation.limit", np.inf, 1.0, at.force),
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
-        "command_jitter": ("command_jitter.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
     found = table.get(name, table.get(effect_of(name)))
@@ -192,12 +200,12 @@ def _body(row: Row) -> list[Size]:
     return body_sizes(body_of(pi, covariance), pi, covariance)
 
 
-def _largest(row: Row, at: Place) -> Size:
-    """Return the largest force of what acts for a while."""
-    course = np.concatenate([combined(x["plant"], row.numbers) for x in row.acts[row.axis]])
-    force = float(course[np.argmax(np.abs(course))])
-    half = 1.645 * abs(force) * float(np.min(row.errors / np.maximum(np.abs(row.numbers), 1e-300)))
-    return Size("largest disturbance", 0.0, force, at.force, (force - half, force + half))
+def _largest(row: Row, equation: str, name: str, unit: str) -> Size:
+    """Return the largest force, or error, of what acts for a while or along a stroke."""
+    course = np.concatenate([combined(x[equation], row.numbers) for x in row.acts[row.axis]])
+    most = float(course[np.argmax(np.abs(course))])
+    half = 1.645 * abs(most) * float(np.min(row.errors / np.maximum(np.abs(row.numbers), 1e-300)))
+    return Size(name, 0.0, most, unit, (most - half, most + half))
 
 
 def regions(row: Row, at: Place) -> list[Region]:

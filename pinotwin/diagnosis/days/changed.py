@@ -28,7 +28,8 @@ def changed(twin: Twin, rows: Sequence[tuple[Row, str]], laws: Mapping[str, Law]
 def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | None:
     """Return the twin with one cause; None where its numbers cannot hold it."""
     if row.group == "law":
-        return _turned(twin, axis, row.theta * laws[axis].numbers()[row.name])
+        gains = laws[axis].numbers().get(row.name)
+        return None if gains is None else _turned(twin, axis, row.theta * gains)
     if row.name == "payload":
         twin = loaded_twin(twin, axis, physical(plain_body(row.numbers)))
         for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told

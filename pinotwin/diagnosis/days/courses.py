@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Left
+from pinotwin.diagnosis.days.forms import peak
 from pinotwin.diagnosis.days.mechanisms import PLAY, Acts, after_starts, starts, zeros
 from pinotwin.diagnosis.days.places import Span
 from pinotwin.diagnosis.days.reference import Reference
@@ -26,7 +28,8 @@ class Course:
 
     Attributes:
         acts: of every stretch, equation -> column. price: of the search [nats].
-        since: instant at which it begins in every stretch, or for how long it acts after a start [s].
+        since: instant at which it begins in every stretch, or for how long it acts after
+            a start, and after how long a stand [s].
     """
 
     acts: list[Acts]
@@ -39,6 +42,8 @@ def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: s
     dry = [s.axes[name]["dry"] for s in logs]
     found = {"friction_since": since(logs, dry, left, (name, "plant"), r.whitenings[name, "plant"])}
     found["friction_at_start"] = _after_starts(r, logs, left, name)
+    if (name, "law") in left[0]:
+        found["dead_band"] = _dead_band(r, logs, left, name)
     if (name, "encoders") in left[0]:
         step = [s.axes[name]["one"] * 1e-4 for s in logs]
         found["encoder_step"] = since(logs, step, left, (name, "encoders"))
@@ -74,17 +79,44 @@ def onset(s: Stretch, course: Floats, left: Floats, *, level: bool) -> float:
 
 
 def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course | None:
-    """Return friction for a while after every start, as of a brake that releases late."""
-    if not all(len(starts(s, name)) > 1 for s in logs):
+    """Return friction for a while after every start from a stand, as of a brake that releases late."""
+    size, y = r.widths[name]["effort"], [x[name, "plant"] for x in left]
+
+    def columns(long: float, stand: float) -> list[Floats]:
+        return [after_starts(s, name, long, stand) * size for s in logs]
+
+    def gain(long: float, stand: float) -> float:
+        return _gain([x * s.axes[name]["moving"] for s, x in zip(logs, columns(long, stand), strict=True)], y)
+
+    stands = [x for x in (0.02, 0.08, 0.3) if all(len(starts(s, name, x)) > 1 for s in logs)]
+    if not stands:
         return None
-    size, best, found = r.widths[name]["effort"], 0.0, None
-    for long in (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6):
-        columns = [after_starts(s, name, long) * size for s in logs]
-        num = sum(float(a @ y[name, "plant"]) for a, y in zip(columns, left, strict=True))
-        gain = num * abs(num) / max(sum(float(a @ a) for a in columns), 1e-300)
-        if gain > best:
-            best, found = gain, Course([{"plant": x} for x in columns], SETTINGS.place, [long])
-    return found
+    longs = [peak(partial(gain, stand=x), np.geomspace(0.1, 0.6, 5).tolist()) for x in stands]
+    long, stand = max(zip(longs, stands, strict=True), key=lambda x: gain(*x))
+    return Course([{"plant": x} for x in columns(long, stand)], SETTINGS.place, [long, stand])
+
+
+def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course:
+    """Return a controller that does nothing near its command: its number is the band over the usual error."""
+    asked = [r.laws[name].effort(s.axes[name]) for s in logs]
+    usual = float(np.mean([np.std(s.axes[name]["e"]) for s in logs]))
+
+    def columns(band: float) -> list[Floats]:
+        out = []
+        for s, u in zip(logs, asked, strict=True):
+            near = np.abs(s.motion.error[:, s.motion.names.index(name)]) < band * usual
+            out.append(-s.taken(np.interp(s.motion.t - s.motion.t[0], s.t, u) * near) / band)
+        return out
+
+    y = [x[name, "law"] for x in left]
+    band = peak(lambda x: _gain(columns(x), y), np.geomspace(0.05, 1.0, 12).tolist())
+    return Course([{"law": x} for x in columns(band)], SETTINGS.place)
+
+
+def _gain(columns: Sequence[Floats], left: Sequence[Floats]) -> float:
+    """Return how much of what is left columns take up, (n,) of every stretch each; less than 0 with the wrong sign."""
+    both = sum(float(a @ b) for a, b in zip(columns, left, strict=True))
+    return both * abs(both) / max(sum(float(a @ a) for a in columns), 1e-300)
 
 
 def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course | None:

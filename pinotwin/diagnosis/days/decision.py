@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -194,11 +194,18 @@ class Decision:
         limits = {k: {float(a): float(x) for a, x in row.items()} for k, row in data["limits"].items()}
         return cls(mean, scale, weights, data["null"], limits, data["bars"])
 
-    def probabilities(self, case: Case) -> Floats:
-        """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,)."""
+    def probabilities(self, case: Case, one: Row | None = None) -> Floats:
+        """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,).
+
+        ``one``: the unknown is what may stand for this cause, and not what is open in equations on which it acts not.
+        """
         X = case.features(self.null)
-        told = X[:, len(FEATURES) : len(FEATURES) + len(GROUP_NAMES)].sum(axis=1)
-        value = ((X - self.mean * told[:, None]) / self.scale) @ self.weights
+        if one is not None:
+            own = {key: off for key, off in case.open.items() if key.rpartition(" ")[2] in one.by}
+            told = case.described if "plant" in one.by else []
+            X[1] = replace(case, open=own, described=told).features(self.null)[1]
+        cause = X[:, len(FEATURES) : len(FEATURES) + len(GROUP_NAMES)].sum(axis=1)
+        value = ((X - self.mean * cause[:, None]) / self.scale) @ self.weights
         share = np.exp(value - value.max())
         return np.asarray(share / share.sum())
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.reference import EQUATIONS, Reference
 from pinotwin.diagnosis.days.score import Cells
@@ -27,26 +27,27 @@ def cells(
     acting: Sequence[Acting] | None = None,
     *,
     found: Shapes | None = None,
-    spoilt: Sequence[Mask] | None = None,
+    read: bool = True,
 ) -> dict[str, Cells]:
     """Return equation -> cells of one axis, from what the equations leave of stretches in question.
 
     ``acting``: of every stretch cause -> equation -> columns. ``found``: axis and equation -> size of causes found.
-    ``spoilt``: of every stretch the rows without an effort; only plant and law are asked then.
+    ``read``: whether the effort is of this run; only plant and law are asked otherwise.
     """
     days = [healthy_day(r, s, name, found or {}) for s in logs]
-    asked = [e for e in EQUATIONS if (name, e) in left[0] and (spoilt is None or e != "encoders")]
+    asked = [e for e in EQUATIONS if (name, e) in left[0] and (read or e != "encoders")]
     out = {}
     for equation in asked:
         columns, at = _beside(logs, days, acting or [{} for _ in logs], equation)
         counts = "moving" if equation == "plant" else "one"
         got = _Cellar(r.whitenings[name, equation], [settled(s.axes[name][counts]) for s in logs])
         for k, s in enumerate(logs):
-            x = np.column_stack([columns[k], left[k][name, equation]])
-            gone = None
-            if spoilt is not None:
-                gone = _without_effort(r, name, equation, days[k], left[k], x.shape)
-            got.add(s, k, x, None if spoilt is None else spoilt[k], gone, name)
+            w, x = got.whitening, np.column_stack([columns[k], left[k][name, equation]])
+            sigma, silent = w.sigma, not read and equation == "law"
+            if not read:  # without its effort the law tells nothing, and the plant what is between both
+                x = (x - np.eye(x.shape[1])[-1] * left[k][name, "law"][:, None]) * (not silent)
+                sigma = float(np.hypot(sigma, r.whitenings[name, "law"].sigma))
+            got.add(s, k, w(x) / sigma, name, silent=silent)
         if got.rows:
             out[equation] = got.cells(days[0][equation].shape[1], at)
     return out
@@ -67,20 +68,6 @@ def _beside(
     return [np.column_stack(p) for p in parts], where
 
 
-def _without_effort(
-    r: Reference, name: str, equation: str, day: Mapping[str, Floats], left: Left, shape: tuple[int, ...]
-) -> Floats:
-    """Return what stands on rows without an effort: in the plant law less twin, in the law nothing."""
-    out = np.zeros(shape)
-    if equation == "plant":
-        plant, law = r.whitenings[name, "plant"], r.whitenings[name, "law"]
-        y = np.zeros(shape)
-        y[:, 1 : 1 + day["plant"].shape[1]] = day["plant"]
-        y[:, -1] = left[name, "plant"] - left[name, "law"]
-        out = plant(y) / np.hypot(plant.sigma, law.sigma)
-    return out
-
-
 class _Cellar:
     """Collects the cells of one equation."""
 
@@ -92,19 +79,14 @@ class _Cellar:
         self.fold: list[int] = []
         self.constant: list[float] = []
 
-    def add(self, s: Stretch, k: int, x: Floats, bad: Mask | None, gone: Floats | None, name: str) -> None:
-        """Add the cells of a stretch from its columns, residual last."""
+    def add(self, s: Stretch, k: int, white: Floats, name: str, *, silent: bool) -> None:
+        """Add the cells of a stretch from its whitened columns, residual last; ``silent``: its rows tell nothing."""
         w, mask = self.whitening, self.masks[k]
-        x = w(x) / w.sigma
-        silent = np.zeros(len(x), dtype=bool)
-        if bad is not None and gone is not None and bad.any():
-            x[bad] = gone[bad]
-            silent = bad if not gone.any() else silent
-        x = x * mask[:, None] / np.sqrt(w.spread)
+        x = white * mask[:, None] / np.sqrt(w.spread)
         wide = float(np.std(s.axes[name]["u"]))
         edges = np.flatnonzero(np.r_[True, np.diff(s.cell) != 0, True])
         for a, b in pairwise(edges):
-            count, lost = float(mask[a:b].sum()) / w.spread, float(silent[a:b].sum()) / w.spread
+            count, lost = float(mask[a:b].sum()) / w.spread, silent * (b - a) / w.spread
             if count < 0.5:
                 continue
             self.grams.append(x[a:b].T @ x[a:b])

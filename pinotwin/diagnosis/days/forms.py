@@ -60,13 +60,16 @@ def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:
     """Return the best form, its one shape searched between those beside it."""
     if len(one.shapes()) != 1 or len(tried) < 2:
         return one
-    every = np.sort([e.shape_values()[0] for e in tried])
-    at = int(np.searchsorted(every, one.shape_values()[0]))
-    span = every[[max(at - 1, 0), min(at + 1, len(every) - 1)]]
-    found = minimize_scalar(
-        lambda x: -gain(one.shaped([x])), bounds=span, method="bounded", options={"maxiter": 15}
-    )
-    return one.shaped([float(found.x)])
+    return one.shaped([peak(lambda x: gain(one.shaped([x])), [e.shape_values()[0] for e in tried])])
+
+
+def peak(gain: Callable[[float], float], tried: Sequence[float]) -> float:
+    """Return the number [any unit] of the largest gain, searched between those beside the best of some."""
+    every = sorted(tried)
+    at = max(range(len(every)), key=lambda k: gain(every[k]))
+    span = every[max(at - 1, 0)], every[min(at + 1, len(every) - 1)]
+    found = minimize_scalar(lambda x: -gain(x), bounds=span, method="bounded", options={"maxiter": 15})
+    return max((every[at], float(found.x)), key=gain)
 
 
 def _gain(back: Floats, density: Floats, thin: Motion, effect: Effect) -> float:
@@ -90,15 +93,12 @@ def _values(effect: Effect, m: Motion) -> Floats:
 def _local(w: Whitened, effect: Effect, price: float) -> Local:
     """Return the columns of a form in every stretch, of the size of the effort."""
     columns = [s.taken(_values(effect, s.motion)) for s in w.logs]
-    size = np.maximum(np.std(np.concatenate(columns), axis=0), 1e-300)
-    scale = w.effort / size
-    return Local([x * scale for x in columns], price, form=effect, scale=scale)
+    scale = w.effort / np.maximum(np.std(np.concatenate(columns), axis=0), 1e-300)
 
+    def again(s: Stretch) -> Floats:
+        return np.asarray(s.taken(_values(effect, s.motion)) * scale)
 
-def again(found: Local, s: Stretch) -> Floats:
-    """Return the columns of a form in another stretch, shape (n, p)."""
-    assert found.form is not None
-    return s.taken(_values(found.form, s.motion)) * found.scale
+    return Local([x * scale for x in columns], price, form=effect, scale=scale, again=again)
 
 
 def parts(form: Effect) -> tuple[Effect, ...]:

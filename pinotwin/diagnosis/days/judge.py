@@ -134,11 +134,10 @@ def judge(
     while len(found) < most:
         case, rows, asked = evidence(q, [x.row for x in found], stands)
         refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
-        P = decision.probabilities(case)
+        P, one = decided(case, decision)
         if not questions:
             rows = _with_chances(rows, case, P[2:])
         questions.append((rows, asked))
-        one = likeliest(case, P)
         possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
         told = [one.row] if one else case.described[:1]
         if P[0] >= limit or any(r.worth < least_share(r.group, q.worth) for r in told):
@@ -155,15 +154,24 @@ def judge(
     return Judged(found, unknown, described, rows, asked.open, could, possible)
 
 
-def likeliest(case: Case, P: Floats) -> Named | None:
-    """Return the best cause; None where it is rather something unknown.
+def decided(case: Case, decision: Decision) -> tuple[Floats, Named | None]:
+    """Return P of nothing, something unknown and every cause, (2 + causes,), and the best cause.
+
+    None where it is rather something unknown. How probable a cause is does not hang on what others equations leave.
+    """
+    P = decision.probabilities(case)
+    best = int(np.argmax(np.log(P[1:] + 1e-300).round(2))) - 1  # of two alike the first that is listed
+    if best < 0:
+        return P, None
+    return P, named(case, decision.probabilities(case, case.causes[best]), best)
+
+
+def named(case: Case, P: Floats, best: int) -> Named:
+    """Return a cause by its number, with the probability of its class.
 
     Rows of one effect are one name, those of one kind of change on its axis one class. So are numbers of the controller
     that are as probable but for the price of one number: not told apart. What acts elsewhere may be true as well.
     """
-    best = int(np.argmax(np.log(P[1:] + 1e-300).round(1))) - 1  # of two alike the first that is listed
-    if best < 0:
-        return None
     one, p = case.causes[best], P[2:]
     same, kin, alike = _class(case, p, best)
     meets = kin | [_meet(r, one) for r in case.causes]

@@ -96,14 +96,13 @@ def _solved(X: Floats, y: Floats, bounds: Floats) -> Floats:
 def _cascade(gains: Floats) -> tuple[bool, float, float]:
     """Return whether a law is a cascade, its position gain and integral gain.
 
-    ``e`` has the gain kv kp + ki and its integral ki kp: two roots make the same law while the machine is healthy.
-    The one whose velocity feed-forward a drive can have is taken.
+    ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed and the
+    command have kv f and ki (f - 1) of one velocity feed-forward f: that tells the right one.
     """
-    e, integral, kv, weight = gains[0], gains[1], -gains[2], gains[7]
+    e, integral, kv, forward, weight = gains[0], gains[1], -gains[2], gains[4], gains[7]
     inside = e**2 - 4.0 * kv * integral
     if inside < -0.3 * e**2 or kv <= 0.0:
         return False, 0.0, 0.0
     roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
-    possible = [kp for kp in roots if e > kv * kp and -0.1 < 1.0 + weight / (e - kv * kp) < 1.3]
-    kp = float((possible or roots)[0])
+    kp = float(min(roots, key=lambda kp: abs((e - kv * kp) * (forward / kv - 1.0) - weight)))
     return True, kp, float(e - kv * kp)

@@ -35,19 +35,18 @@ GROUPS = {
         "integral",
         "velocity_feedforward",
         "acceleration_feedforward",
+        "dead_band",
     ),
     "play": ("lost_motion", "lost_motion_by_load", "lost_motion_either_side", "load_moved"),
     "time": ("push", "cut"),
     "place": ("tooth", "snag"),
     "form": (),  # every other effect of the catalogue, and those that a user brings
     "scale": ("effort_scale", "effort_late", "torque_constant", "torque_fades"),
-    "encoder": ("encoder_scale", "encoder_grows", "encoder_step"),
+    "encoder": ("encoder_scale", "encoder_grows", "encoder_step", "encoder_period", "encoder_along"),
     "limit": ("limit",),
     "recording": (
         "effort_of_another_run",
-        "effort_frozen",
         "command_late",
-        "command_jitter",
         "clock_scale",
         "rows_lost",
         "rows_doubled",
@@ -72,12 +71,14 @@ POSSIBLE = {
     **dict.fromkeys((x for x in GROUPS["play"] if x.startswith("lost_motion")), (0.0, 10.0)),
     "friction_at_start": (0.0, 99.0),
     "effort_scale": (-9.0, 9.0),
+    "dead_band": (0.0, 9.0),
     "integral": (-1.5, 9.0),
     "velocity_feedforward": (-2.0, 9.0),
     "acceleration_feedforward": (-4.0, 9.0),
     "compliance": (-1.0, 1e4),
 }
 """Numbers that a machine can have after the change; of lost motion a millimetre, for more is a tooth or a slip."""
+ENCODER = 1e-4  # one number of what an encoder reads otherwise [m or rad]
 PLAY = -0.5e-4  # one number of lost motion in the gap between the encoders: 0.1 mm, half to either side
 
 
@@ -104,7 +105,7 @@ def mechanisms(
     if name in r.laws and "e" in c:
         out["effort_late"]["law"] = out["effort_late"]["plant"]
         numbers = r.laws[name].columns(c)
-        out |= {k: {"law": numbers[k]} for k in GROUPS["law"]}
+        out |= {k: {"law": numbers[k]} for k in GROUPS["law"] if k in numbers}
     if name in r.twists and "gap" in c:
         out |= _between_encoders(r, c, name, ramp)
     for other in r.axes:
@@ -169,22 +170,22 @@ def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict
     }
 
 
-def starts(s: Stretch, name: str) -> Ints:
-    """Return the rows of the log at which a command sets out after a stand, shape (k,); none without a command."""
+def starts(s: Stretch, name: str, stand: float) -> Ints:
+    """Return the rows of the log at which a command sets out after a stand [s], shape (k,); none without a command."""
     m, j = s.motion, s.motion.names.index(name)
     if m.qr is None or not np.isfinite(m.qr[:, j]).all():
         return np.zeros(0, dtype=np.intp)
     speed = np.abs(np.diff(m.qr[:, j], prepend=m.qr[0, j])) / m.step
     moves = np.flatnonzero(speed > 1e-4 * float(speed.max(initial=0.0)) + 1e-12)
-    rest = np.diff(moves, prepend=-len(m)) * m.step > 0.08
-    return np.asarray(moves[rest], dtype=np.intp)
+    stood = np.diff(moves, prepend=-len(m)) * m.step > stand
+    return np.asarray(moves[stood], dtype=np.intp)
 
 
-def after_starts(s: Stretch, name: str, long: float) -> Floats:
-    """Return the direction of motion for a while after every start and 0 else, after the low-pass, shape (n,)."""
+def after_starts(s: Stretch, name: str, long: float, stand: float) -> Floats:
+    """Return the direction of motion for ``long`` after every start and 0 else, after the low-pass, shape (n,)."""
     m = s.motion
     on = np.zeros(len(m))
-    for row in starts(s, name):
+    for row in starts(s, name, stand):
         on[row : row + int(long / m.step)] = 1.0
     return s.taken(on * np.sign(m.v[:, m.names.index(name)]))
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.signal import lfilter
@@ -33,6 +33,7 @@ class Local:
         price: of the search [nats].
         place: centre and width [m or rad], where it is one. spans: when it acts, where it is bound to time.
         form, scale: the effect whose columns these are, and what each was multiplied with, shape (p,).
+        again: the columns in another stretch, (n, p), of what does not hang on these. equation: on which they act.
     """
 
     columns: list[Floats]
@@ -41,6 +42,8 @@ class Local:
     spans: list[Span] = field(default_factory=list)
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1))
+    again: Callable[[Stretch], Floats] | None = None
+    equation: str = "plant"
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +242,8 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
     out = {}
     if tooth.gain > SETTINGS.place + 4.0:
         at, width = _finer(w, tooth, [np.ones(len(s.t)) for s in w.logs])
-        columns = [_bump(w, s, at, width)[:, None] * w.effort for s in w.logs]
-        out["tooth"] = Local(columns, SETTINGS.place, (at, width))
+        bump = partial(_bump, w, at=at, width=width)
+        out["tooth"] = Local([bump(s) for s in w.logs], SETTINGS.place, (at, width), again=bump)
     if snag.gain > SETTINGS.place:
         keep = [np.zeros(len(s.t)) for s in w.logs]
         for (k, a, b), drags in zip(snag.passes, snag.drags, strict=True):
@@ -248,7 +251,7 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
         keep = [x * s.axes[w.name]["sg"] for x, s in zip(keep, w.logs, strict=True)]
         at, width = _finer(w, snag, keep)
         pairs = zip(w.logs, keep, strict=True)
-        columns = [(_bump(w, s, at, width) * x * w.effort)[:, None] for s, x in pairs]
+        columns = [_bump(w, s, at, width) * x[:, None] for s, x in pairs]
         count = float(snag.drags.sum())
         price = SETTINGS.place + count * np.log(1 / 0.4) + (len(snag.passes) - count) * np.log(1 / 0.6)
         on = [x for x, drags in zip(snag.passes, snag.drags, strict=True) if drags]
@@ -258,7 +261,7 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
 
 
 def _bump(w: Whitened, s: Stretch, at: float, width: float) -> Floats:
-    return s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))
+    return s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))[:, None] * w.effort
 
 
 def _scan(w: Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.evidence import Left, cells
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
@@ -19,7 +18,6 @@ from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.scene import with_model_effort
-from pinotwin.signals import runs
 
 Told = Mapping[str, Mapping[str, Cells]]
 """Axis -> equation -> cells."""
@@ -28,48 +26,14 @@ POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr"
 
 
 def recording_rows(asked: Asked) -> list[Row]:
-    """Return the rows of what may have become of the log: effort of another run, frozen, late command, odd clock."""
-    r, out = asked.r, []
-    for name in r.axes:
-        if (name, "law") in asked.q.left[0]:
-            out += [*_without_effort(asked, name), *_command(asked, name)]
+    """Return the rows of what may have become of the log: effort of another run, late command, odd clock."""
+    r, q, out = asked.r, asked.q, []
+    late = np.asarray(np.arange(-2, 15) * q.logs[0].cycle, dtype=float)
+    for name in (k for k in r.axes if (k, "law") in q.left[0]):
+        other = {name: cells(r, q.logs, q.left, name, read=False)}
+        out.append(again("effort_of_another_run", name, (asked.cells, other), float("nan"), 5.0))
+        out += _otherwise(asked, name, "command_late", partial(_earlier, name), late)
     return [*out, *_clock(asked)]
-
-
-def _without_effort(asked: Asked, name: str) -> list[Row]:
-    """Return the rows of an effort that is none: of another run, or frozen for a while."""
-    q, out = asked.q, []
-    still = [_frozen(s, name) for s in q.logs]
-    whole = [np.ones(len(s.t), dtype=bool) for s in q.logs]
-    for cause, rows in (("effort_of_another_run", whole), ("effort_frozen", still)):
-        if any(x.any() for x in rows):
-            c = cells(asked.r, q.logs, q.left, name, spoilt=rows)
-            one = again(cause, name, (asked.cells, {name: c}), float("nan"), 5.0)
-            at = [(k, s.t[x]) for k, (s, x) in enumerate(zip(q.logs, rows, strict=True)) if x.any()]
-            out.append(replace(one, spans=[(k, float(t[0]), float(t[-1])) for k, t in at]))
-    return out
-
-
-def _frozen(s: Stretch, name: str) -> Mask:
-    """Return where the effort stands still for a tenth of a second and more, (n,)."""
-    u = s.motion.u[:, s.motion.names.index(name)]
-    t = s.motion.t - s.motion.t[0]
-    out = np.zeros(len(s.t), dtype=bool)
-    for x in runs(np.diff(u) == 0.0):
-        begin, end = t[x.start + 1], t[min(x.stop + 1, len(t) - 1)]
-        if end - begin > 0.1:
-            out |= (s.t > begin - 0.06) & (s.t < end + 0.06)
-    return out
-
-
-def _command(asked: Asked, name: str) -> list[Row]:
-    """Return the rows of a command that was recorded late by whole samples, or rougher than the drive followed it."""
-    late = np.asarray(np.arange(-2, 15) * asked.q.logs[0].cycle, dtype=float)
-    times = np.array([0.0, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13])
-    return [
-        *_otherwise(asked, name, "command_late", lambda s, x: _earlier(s, name, x), late),
-        *_otherwise(asked, name, "command_jitter", lambda s, x: _smoothed(s, name, x), times),
-    ]
 
 
 def _otherwise(
@@ -109,7 +73,7 @@ def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> floa
     return near if near == tried[at] else float(min(tried, key=rest))
 
 
-def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
+def _earlier(name: str, s: Stretch, delay: float) -> Stretch:
     """Return a stretch with the command of an axis earlier by a delay [s]."""
     c, later = dict(s.axes[name]), np.clip(s.t + delay, s.t[0], s.t[-1])
     for k in ("vr", "ar", "jr"):
@@ -121,17 +85,6 @@ def _earlier(s: Stretch, name: str, delay: float) -> Stretch:
     c["e"] = c["e"] + change
     # ``ie`` is a sum over rows of the log: half a cycle ahead of the integral.
     c["ie"] = c["ie"] + path(later) + c["qr"] * (s.t + delay - later) - path(s.t) + 0.5 * s.cycle * change
-    return replace(s, axes={**s.axes, name: c})
-
-
-def _smoothed(s: Stretch, name: str, time: float) -> Stretch:
-    """Return a stretch with the command of an axis smoothed by cubics over a time [s] (Savitzky-Golay 1964)."""
-    if time == 0.0:
-        return s
-    c, rows = dict(s.axes[name]), 2 * round(0.5 * time / float(s.t[1] - s.t[0])) + 1
-    c |= {k: savgol_filter(c[k], rows, min(3, rows - 1)) for k in ("qr", "vr", "ar", "jr")}
-    change = c["qr"] - s.axes[name]["qr"]
-    c |= {"e": c["e"] + change, "ie": c["ie"] + cumulative_trapezoid(change, s.t, initial=0.0)}
     return replace(s, axes={**s.axes, name: c})
 
 

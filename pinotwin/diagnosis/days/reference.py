@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
@@ -32,7 +33,7 @@ class Reference:
         top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
         logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
-        twists: axis -> what effort, acceleration, jerk, position and direction do between its two encoders, (5,), SI.
+        twists: axis -> what moves its two encoders against each other, (6,), SI.
         zeros: axis -> where its load stands by them beside that [m or rad]; only of several days.
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
@@ -58,8 +59,8 @@ class Reference:
         return replace(self, laws={}, law_widths={}, whitenings=left)
 
     def twist(self, name: str, c: Columns) -> Floats:
-        """Return how far the spring between two encoders gives, (n,) [m or rad]; the rotor keeps some effort."""
-        return _between(c)[:, :2] @ self.twists[name][:2]
+        """Return how far the spring between two encoders gives, (n,) [m or rad]."""
+        return _between(c)[:, :3] @ self.twists[name][:3]
 
     def residuals(self, s: Stretch, only: Collection[str] | None = None) -> dict[tuple[str, str], Floats]:
         """Return what each equation of every axis leaves of a stretch, shape (n,) each."""
@@ -121,8 +122,11 @@ def moved(columns: Sequence[Columns]) -> list[Columns]:
 
 
 def _between(c: Columns) -> Floats:
-    """Return what moves two encoders against each other, shape (n, 5): half of the dry friction acts on the motor."""
-    return np.column_stack([c["u"] - 0.5 * c["dry"], c["a"], c["j"], c["q"], c["memory"]])
+    """Return what moves two encoders against each other, shape (n, 6): the spring's load is in the first three.
+
+    It is the effort less what rotor and friction keep of it on the motor's side, of the dry one half.
+    """
+    return np.column_stack([c["u"] - 0.5 * c["dry"], *(c[k] for k in ("a", "v", "j", "q", "memory"))])
 
 
 def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
@@ -138,10 +142,12 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
             X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
             scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
             y = np.concatenate([c["gap"] for c in columns])
-            found = np.linalg.lstsq(X / scale, y, rcond=1e-10)[0] / scale
-            twists[name] = found[:5]
+            bounds = np.tile([[-np.inf], [np.inf]], X.shape[1])
+            bounds[1, 0] = bounds[0, 1] = 0.0  # a stiffness and a rotor's inertia are not below zero
+            found = lsq_linear(X / scale, y, bounds, method="bvls").x / scale
+            twists[name] = found[:6]
             if bare.days >= SEVERAL:
-                zeros[name] = float(found[5:].mean())
+                zeros[name] = float(found[6:].mean())
     return replace(bare, laws=laws, twists=twists, zeros=zeros)
 
 

@@ -10,7 +10,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days import law
 from pinotwin.diagnosis.days.courses import Course, courses, since
 from pinotwin.diagnosis.days.evidence import Left
-from pinotwin.diagnosis.days.forms import again, forms
+from pinotwin.diagnosis.days.forms import forms
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import (
     GROWS,
@@ -30,6 +30,7 @@ from pinotwin.diagnosis.days.places import Local, local, whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
+from pinotwin.diagnosis.days.stroke import encoder_errors
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
@@ -73,9 +74,12 @@ class Tried:
                 self.courses[name, cause] = found
                 _put(each, cause, found.acts)
             w = whitened(r, q.logs, left, name, self.shapes)
-            for cause, place in {**local(r, w), **forms(r, w, name)}.items():
+            places = {**local(r, w), **forms(r, w, name)}
+            if (name, "encoders") in left[0]:
+                places |= encoder_errors(r, q.logs, left, name)
+            for cause, place in places.items():
                 self.local[name, cause] = place
-                _put(each, cause, [{"plant": x} for x in place.columns])
+                _put(each, cause, [{place.equation: x} for x in place.columns])
             if (name, "law") in q.left[0]:
                 each = [x | _misread(x) for x in each]
             each = [x | _told(x, name, list(r.laws)) for x in each]
@@ -124,13 +128,9 @@ class Tried:
         size, out = self.r.widths[name]["effort"], {"friction_since": {"plant": s.axes[name]["dry"]}}
         after = self.courses.get((name, "friction_at_start"))
         if after is not None:
-            out["friction_at_start"] = {"plant": after_starts(s, name, after.since[0]) * size}
-        tooth = self.local.get((name, "tooth"))
-        if tooth is not None and tooth.place is not None:
-            x = np.exp(-(((s.axes[name]["q"] - tooth.place[0]) / tooth.place[1]) ** 2))
-            out["tooth"] = {"plant": s.low(x) * size}
-        told = {k: x for (axis, k), x in self.local.items() if axis == name and x.form is not None}
-        return out | {k: {"plant": again(x, s)} for k, x in told.items()}
+            out["friction_at_start"] = {"plant": after_starts(s, name, *after.since) * size}
+        places = [(k, x) for (axis, k), x in self.local.items() if axis == name]
+        return out | {k: {x.equation: x.again(s)} for k, x in places if x.again is not None}
 
 
 def _several(r: Reference, logs: Sequence[tuple[Stretch, Left]]) -> dict[str, list[dict[str, Floats]]]:

@@ -33,7 +33,6 @@ MOST_ROWS = 20_000
 LATEST = 3.0  # Samples between two encoders on one clock, at most: what comes later is no delay between them
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
-SHARED = 0.5  # Of the stroke: what the twin's own logs must have visited for its table to be compared
 KNOTS = 13  # Places along the stroke at which its error is stated
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
 """Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
@@ -53,30 +52,18 @@ class _Twist:
     low: float  # lowest position of the load [m or rad]
     travel: float  # of the load [m or rad]
 
-    @property
-    def every(self) -> tuple[str, ...]:
-        """Every part that it may have."""
-        return tuple(n for n in (*NUISANCE, *PARTS) if n in self.parts)
-
     def table(self, names: Sequence[str]) -> Floats:
         """Return the columns of some parts side by side."""
         return np.hstack([self.parts[n] for n in names])
 
-    def fit(
-        self, names: Sequence[str], y: Floats | None = None, known: Mapping[str, Floats] | None = None
-    ) -> Blocked:
-        """Return the fit of the twist, or of y (n,), by named parts, within what a machine can have.
-
-        ``known``: part -> its coefficients before a change, which ``y`` is; the bounds are those of their sum.
-        """
-        X, y = self.table(names), self.d if y is None else y
-        bounds = np.concatenate(
-            [self._bounds(n) - (0.0 if known is None else known[n]) for n in names], axis=1
-        )
+    def fit(self, names: Sequence[str]) -> Blocked:
+        """Return the fit of the twist by named parts, within what a machine can have."""
+        X = self.table(names)
+        bounds = np.concatenate([self._bounds(n) for n in names], axis=1)
         size, held = np.sqrt(np.mean(X**2, axis=0)), np.zeros(X.shape[1])
         free = np.ones(X.shape[1], dtype=bool)
         while True:
-            found = by_blocks(X[:, free], y - X @ held, self.blocks)
+            found = by_blocks(X[:, free], self.d - X @ held, self.blocks)
             theta, folds = held.copy(), np.tile(held, (len(found.folds), 1))
             theta[free], folds[:, free] = found.theta, found.folds
             nearest = np.clip(theta, *bounds)
@@ -113,18 +100,7 @@ the friction of the motor's side)."""
 PARTS = ("spring", "lost", "table")
 
 
-def _standing(known: Blocked | None) -> tuple[str, ...]:
-    """Return what is always in the fit: encoders on one clock keep their instants, a change has none of its own."""
-    return NUISANCE if known is None else NUISANCE[:1]
-
-
-def _with(names: Sequence[str], part: str) -> list[str]:
-    """Return parts with one more; a spring that changes takes the friction of the motor's side along."""
-    more = NUISANCE[1:] if part == "spring" and NUISANCE[1] not in names else ()
-    return [*names, *more, part]
-
-
-def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | None:
+def _twist(motion: Motion, joint: int) -> _Twist | None:
     if motion.ql is None:
         return None
     q, ql, u = (x[:, joint] for x in (motion.q, motion.ql, motion.u))
@@ -137,7 +113,7 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     for s in long:
         rate[s] = np.gradient(d[s], motion.step)
     x = ql[rows]
-    places = np.linspace(x.min(), x.max(), KNOTS) if knots is None else knots
+    places = np.linspace(x.min(), x.max(), KNOTS)
     hats = np.stack([np.interp(x, places, e) for e in np.eye(len(places))[1:]], axis=1)
     parts = {
         "zero": np.ones((len(rows), 1)),
@@ -150,17 +126,6 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
     blocks, low, travel = blocks_of(len(rows), step), float(x.min()), float(np.ptp(x))
     return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, low, travel)
-
-
-def _elsewhere(new: _Twist, own: _Twist | None) -> tuple[_Twist, _Twist | None]:
-    """Return both without a table where their strokes hardly overlap: a place is compared with itself."""
-    if own is None:
-        return new, own
-    low, high = max(new.low, own.low), min(new.low + new.travel, own.low + own.travel)
-    if high - low > SHARED * new.travel:
-        return new, own
-    one, other = ({k: x for k, x in t.parts.items() if k != "table"} for t in (new, own))
-    return replace(new, parts=one), replace(own, parts=other)
 
 
 def _rows(motion: Motion, joint: int) -> Ints:
@@ -189,22 +154,10 @@ class Seen:
 
 
 def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
-    """Return what load encoders say of each axis: what is between, or of a twin that had them, what has changed."""
-    out = {}
-    for name, axis in c.machine.axes.items():
-        if name in c.gate.silent:
-            continue
-        new = _twist(c.new.motion, axis.index)
-        if new is None:
-            continue
-        own = None
-        if c.own is not None and c.own.motion.ql is not None:
-            own = _twist(c.own.motion, axis.index, new.knots)
-            new, own = _elsewhere(new, own)
-        if c.change and own is None:
-            continue
-        out[name] = _seen(c, name, axis.index, new, own, rng)
-    return out
+    """Return what lies between motor and load by the load encoder of each axis; of a twin its own days tell."""
+    axes = {} if c.change else {k: x.index for k, x in c.machine.axes.items() if k not in c.gate.silent}
+    twists = {(k, j): _twist(c.new.motion, j) for k, j in axes.items()}
+    return {k: _seen(c, k, j, twist, rng) for (k, j), twist in twists.items() if twist is not None}
 
 
 def admitted(measured: Mapping[str, Seen], effect: str, axis: str | None) -> bool:
@@ -233,97 +186,51 @@ def with_encoders(
     return out
 
 
-def _seen(
-    c: Comparison, name: str, joint: int, new: _Twist, own: _Twist | None, rng: np.random.Generator
-) -> Seen:
-    known = None if own is None else own.fit(new.every)
-    y = new.d if known is None else new.d - new.table(new.every) @ known.theta
-    chosen, steps = _chosen(new, known, y)
-    now, there = (*_standing(known), *chosen), _by_part(new, known)
-    before, after = new.fit(_standing(known), y, there), new.fit(now, y, there)
-    misfit = float("nan") if known is None else known.left
+def _seen(c: Comparison, name: str, joint: int, new: _Twist, rng: np.random.Generator) -> Seen:
+    chosen, steps = _chosen(new)
+    now = (*NUISANCE, *chosen)
+    before, after = new.fit(NUISANCE), new.fit(now)
     mass = c.new.motion.mass
     inertia = float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))  # [kg or kg·m²]
     effects = []
     for part, (shrink, sure) in steps.items():
-        names = new.every if known is not None else now[: now.index(part) + 1]
-        fit = new.fit(names) if known is None else _changed(new, known, after, now)
-        told = _Told(name, c.machine.rotary[joint], new, known, fit, names, "table" in chosen)
+        names = now[: now.index(part) + 1]
+        told = _Told(name, c.machine.rotary[joint], new, new.fit(names), names, "table" in chosen)
         effects.append(told.named(part, shrink, inertia, sure))
-    gap = Gap(
-        before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
-    )
+    gap = Gap(before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left))
     cells = regimes([(c.new.motion, new.rows)], joint) if steps else []
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
-    notes = _notes(name, after, new) if known is None else []
-    return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, notes)
+    return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, _notes(name, after, new))
 
 
-def _by_part(new: _Twist, known: Blocked | None) -> dict[str, Floats] | None:
-    """Return part -> its coefficients on the twin's own logs."""
-    if known is None:
-        return None
-    ends = np.cumsum([new.parts[name].shape[1] for name in new.every])
-    return dict(zip(new.every, np.split(known.theta, ends[:-1]), strict=True))
-
-
-def _changed(new: _Twist, known: Blocked, change: Blocked, names: Sequence[str]) -> Blocked:
-    """Return what the twist is made of after a change of some parts, with the errors of before and of the change."""
-    theta, folds = known.theta.copy(), np.tile(known.theta, (len(change.folds), 1))
-    for name in names:
-        width = np.arange(new.parts[name].shape[1])
-        to, by = new.at(new.every, name) + width, new.at(names, name) + width
-        wider = np.hypot(change.error[by], known.error[to]) / np.maximum(change.error[by], 1e-300)
-        theta[to] += change.theta[by]
-        folds[:, to] = theta[to] + (change.folds[:, by] - change.theta[by]) * wider
-    return replace(change, theta=theta, folds=folds)
-
-
-def _chosen(
-    new: _Twist, known: Blocked | None, y: Floats
-) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
+def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
     """Return the parts that the twist has, most telling first; what those that can be real close, and how surely."""
-    least = max(new.noise, 0.0 if known is None else known.left)
-    always, there = _standing(known), _by_part(new, known)
-    first = new.fit(always, y, there).left
     chosen: list[str] = []
     steps: dict[str, tuple[Shrink, float]] = {}
     parts = [p for p in PARTS if p in new.parts]
     while not set(parts) <= set(chosen):
-        now = new.fit([*always, *chosen], y, there)
-        trials = {p: new.fit(_with([*always, *chosen], p), y, there) for p in parts if p not in chosen}
+        now = new.fit([*NUISANCE, *chosen])
+        trials = {p: new.fit([*NUISANCE, *chosen, p]) for p in parts if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
-        if known is not None:
-            more = trials[best].left ** 2 + RULES.encoder_second * first**2
-            best = min((p for p in trials if trials[p].left ** 2 < more), key=lambda p: new.parts[p].shape[1])
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
         before, after = drawn(now.powers, fit.powers)
         each = 1.0 - after / np.maximum(before, 1e-300)
         low, high = np.quantile(each, [0.05, 0.95]).tolist()
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
-        trace = known is not None and bool(chosen) and closed**2 < RULES.encoder_second * first**2
-        if share < RULES.encoder_share or low <= 0.0 or closed < least or trace:
+        if share < RULES.encoder_share or low <= 0.0 or closed < new.noise:
             break
-        chosen = _with([*always, *chosen], best)[len(always) :]
-        if _sure(best, new, known, fit, [*always, *chosen]) > np.sqrt(RULES.encoder_strength):
+        chosen.append(best)
+        if _sure(best, new, fit, [*NUISANCE, *chosen]) > np.sqrt(RULES.encoder_strength):
             told = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
             steps[best] = told, posterior(int(np.sum(each > RULES.encoder_share)), len(each))
     return chosen, steps
 
 
-def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Sequence[str]) -> float:
+def _sure(part: str, new: _Twist, fit: Blocked, names: Sequence[str]) -> float:
     """Return by how many errors a part's first coefficient is as it must be: springs and play are positive."""
     k = new.at(names, part)
-    value, error = float(fit.theta[k]), float(fit.error[k])
-    if part == "table":
-        return float("inf")
-    if known is not None:
-        at = new.at(new.every, part)
-        if part == "spring" and known.theta[at] + value <= 0.0:
-            return 0.0  # a drive without any give is none
-        value, error = abs(value), float(np.hypot(error, known.error[at]))
-    return value / max(error, 1e-300)
+    return float("inf") if part == "table" else float(fit.theta[k] / max(float(fit.error[k]), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,75 +240,59 @@ class _Told:
     axis: str  # whose
     rotary: bool  # whether it turns
     new: _Twist  # its twist
-    known: Blocked | None  # what the twin's own logs say of it
-    fit: Blocked  # what it is made of now
-    names: Sequence[str]  # parts of the fit: those found so far; of a change all, as in the own logs
+    fit: Blocked  # what it is made of
+    names: Sequence[str]  # parts of the fit: those found so far
     placed: bool  # whether there is an error along the stroke
 
     def named(self, part: str, shrink: Shrink, inertia: float, sure: float) -> Found:
-        fit, known = self.fit, self.known
-        shape: dict[str, float] = {}
+        shape, unit = dict[str, float](), "rad" if self.rotary else "m"
         if part == "spring":
-            effect, sizes = FLEXIBLE[0], self._spring(fit, known)
+            effect, sizes = FLEXIBLE[0], self._spring()
             shape = _mode(sizes[0].after, sizes[1].after, inertia - sizes[2].after)
         elif part == "lost":
-            effect, sizes = "backlash", [self._lost(fit, known)]
+            gap, error = (
+                2.0 * float(x[self.new.at(self.names, "lost")]) for x in (self.fit.theta, self.fit.error)
+            )
+            span = _span(gap, max(1.645 * error, FINEST * abs(gap)))
+            effect, sizes = "backlash", [Size("backlash.gap", 0.0, gap, unit, span)]
             shape = {"gap": sizes[0].after}
         else:
-            effect, sizes = "encoder_error", self._table(fit, known)
+            effect, sizes = "encoder_error", self._table(unit)
         theta = {s.name.partition(".")[2]: s.after for s in sizes}
         return Found(effect, self.axis, sure, shape, theta, {"ql": shrink}, [], size=sizes, gain=shrink.share)
 
-    def _spring(self, fit: Blocked, known: Blocked | None) -> list[Size]:
+    def _spring(self) -> list[Size]:
         """Return stiffness, damping and rotor's inertia."""
-        at = self.new.at(self.names, "spring")
-        ranges, between = [_inverse(fit, at)], 0.0
-        if self.placed and known is None:
+        fit, at = self.fit, self.new.at(self.names, "spring")
+        ranges = [_inverse(fit, at)]
+        if self.placed:
             table = "table" in self.names
             more = [n for n in self.names if n != "table"] if table else [*self.names, "table"]
             ranges.append(_inverse(self.new.fit(more), self.new.at(more, "spring")))
-        if known is None:
-            softest, half = self.new.reverse(self.names)
-            ranges.append((max(softest - half, 0.0), softest + half))
-            between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
+        softest, half = self.new.reverse(self.names)
+        ranges.append((max(softest - half, 0.0), softest + half))
+        between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
         units = ("N·m/rad", "N·m·s/rad", "kg·m²") if self.rotary else ("N/m", "N·s/m", "kg")
         rows = []
         for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
             now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
-            first = self.new.at(self.new.every, "spring")
-            before = 0.0 if known is None else float(_physical(known.theta, first, i))
             low, high = _span(float(now), 1.645 * float(_errors(each)))
             span = (max(low, 0.0), high)
             if i == 0:
                 now = now * between if between > 0.0 else now
                 low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
                 span = (min(low, (1.0 - FINEST) * float(now)), max(high, (1.0 + FINEST) * float(now)))
-            rows.append(Size(f"drive_flexibility.{name}", before, float(now), unit, span))
+            rows.append(Size(f"drive_flexibility.{name}", 0.0, float(now), unit, span))
         return rows
 
-    def _lost(self, fit: Blocked, known: Blocked | None) -> Size:
-        at = self.new.at(self.names, "lost")
-        value = 2.0 * float(fit.theta[at])
-        half = max(2.0 * 1.645 * float(fit.error[at]), FINEST * abs(value))
-        before = 0.0 if known is None else 2.0 * float(known.theta[self.new.at(self.new.every, "lost")])
-        return Size("backlash.gap", before, value, self._unit, _span(value, half))
-
-    @property
-    def _unit(self) -> str:
-        return "rad" if self.rotary else "m"
-
-    def _table(self, fit: Blocked, known: Blocked | None) -> list[Size]:
+    def _table(self, unit: str) -> list[Size]:
         """Return the largest error along the stroke, then the whole table, its mean taken off."""
         at = self.new.at(self.names, "table")
-        now, half = _course(fit.theta, at), 1.645 * _errors(_course(fit.folds, at))
-        before = (
-            np.zeros(KNOTS) if known is None else _course(known.theta, self.new.at(self.new.every, "table"))
-        )
-        worst = int(np.argmax(np.abs(now - before)))
-        labels = [f"at {x:.6g} {self._unit}" for x in self.new.knots]
-        order = [worst, *range(KNOTS)]
+        now, half = _course(self.fit.theta, at), 1.645 * _errors(_course(self.fit.folds, at))
+        labels = [f"at {x:.6g} {unit}" for x in self.new.knots]
+        order = [int(np.argmax(np.abs(now))), *range(KNOTS)]
         return [
-            Size(f"encoder_error.{name}", float(before[k]), float(now[k]), self._unit, _span(now[k], half[k]))
+            Size(f"encoder_error.{name}", 0.0, float(now[k]), unit, _span(now[k], half[k]))
             for name, k in zip(["largest", *labels], order, strict=True)
         ]
 

@@ -28,7 +28,7 @@ from pinotwin.signals import runs
 FEW, DRAWN = 3, 0.4  # rows beyond chance, and share of them on lines that no measurement has
 
 
-def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
+def recorded_findings(log: Log, axes: Sequence[str], settings: Settings = USUAL) -> Iterator[Finding]:
     """Say what became of a bound log while it was recorded."""
     if "t" not in log or len(log) < 20 or not np.isfinite(log.t).all():
         return
@@ -41,6 +41,9 @@ def recorded_findings(log: Log, axes: Sequence[str]) -> Iterator[Finding]:
         yield finding("rows_held", count=held)
     if line > DRAWN:
         yield finding("interpolated", percent=100.0 * line)
+    for name in (k for a in axes if (k := f"{a}.qr") in log):
+        if (share := command_scatter(t, log[name])) > settings.scatter:
+            yield finding("command_jitter", name, percent=100.0 * share)
     for axis in (a for a in axes if f"{a}.u" in log and f"{a}.q" in log):
         for rows in frozen_rows(t, log[f"{axis}.u"], log[f"{axis}.q"]):
             span = float(t[rows.start]), float(t[rows.stop - 1])
@@ -90,6 +93,20 @@ def drawn_rows(x: Floats) -> float:
     """Return the share of rows that lie on the line between their neighbours while a channel (n,) changes."""
     bend, moves = np.abs(np.diff(x, 2)), np.abs(np.diff(x))[1:] > 0.0
     return float(np.mean((bend < 1e-6 * np.std(x)) & moves))
+
+
+def command_scatter(t: Floats, command: Floats) -> float:
+    """Return the scatter of a command's steps from row to row over a step [1]; 0 where a clock tells nothing of it.
+
+    A fifth difference passes what changes from row to row, and hardly anything of a motion.
+    """
+    step, size = np.diff(t), np.abs(np.diff(command))
+    pace = median_filter(size, 7, mode="nearest")[2:-2]
+    rows = pace > 0.1 * np.quantile(size, 0.99)
+    if np.ptp(step) > 0.1 * np.median(step) or rows.sum() < 20:
+        return 0.0
+    bend = np.abs(np.diff(command, 5))[rows] / pace[rows]
+    return float(np.median(bend) / (0.6745 * np.sqrt(252.0)))
 
 
 def frozen_rows(t: Floats, x: Floats, q: Floats, shortest: float = 0.1) -> Iterator[slice]:
