@@ -96,13 +96,14 @@ def _solved(X: Floats, y: Floats, bounds: Floats) -> Floats:
 def _cascade(gains: Floats) -> tuple[bool, float, float]:
     """Return whether a law is a cascade, its position gain and integral gain.
 
-    ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed and the
-    command have kv f and ki (f - 1) of one velocity feed-forward f: that tells the right one.
+    ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed has kv f
+    of a velocity feed-forward f; the command has ki (f - 1), or -ki where f is not integrated: that tells the root.
     """
     e, integral, kv, forward, weight = gains[0], gains[1], -gains[2], gains[4], gains[7]
     inside = e**2 - 4.0 * kv * integral
     if inside < -0.3 * e**2 or kv <= 0.0:
         return False, 0.0, 0.0
     roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
-    kp = float(min(roots, key=lambda kp: abs((e - kv * kp) * (forward / kv - 1.0) - weight)))
+    ahead = forward / kv, 0.0
+    kp = float(min(roots, key=lambda kp: min(abs((e - kv * kp) * (f - 1.0) - weight) for f in ahead)))
     return True, kp, float(e - kv * kp)

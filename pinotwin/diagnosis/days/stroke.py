@@ -1,4 +1,4 @@
-"""Errors of a second encoder that repeat along the stroke, or are any smooth function of it.
+"""Errors of a second encoder that repeat along the stroke, or are any smooth function of it but a zero and a scale.
 
 Each is one column, of the shape that leaves least beside a healthy day; search and numbers of the shape are paid for.
 """
@@ -48,7 +48,6 @@ def encoder_errors(
 
     tried = size / np.arange(2.0, MOST_WAVES, 0.5)
     period = peak(power, tried.tolist())
-    # Beside a zero and a scale, which have names of their own.
     bent, number = null_space(np.stack([np.ones(KNOTS), np.arange(KNOTS)])), SETTINGS.number
     column = partial(_column, logs, y, day, name)
     along = column(lambda x: hats((x - low) / size, KNOTS) @ bent, bent.shape[1] * number)
