@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.arrays import Mask
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.mechanisms import GROWS, Ends, knows, part_of
+from pinotwin.diagnosis.days.mechanisms import ENCODER, GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
@@ -137,12 +137,10 @@ def sizes(row: Row, at: Place) -> list[Size]:
         return [Size(name, float("nan"), row.theta, unit, (float("nan"), float("nan")))]
 
     def after(x: float) -> float:
-        if row.name == "compliance":  # a number of what the drive gives, not of its stiffness
-            return before / max(1.0 + x, 1e-9)
-        return before + factor * x
+        # A compliance is a number of what the drive gives, not of its stiffness.
+        return before / max(1.0 + x, 1e-9) if row.name == "compliance" else before + factor * x
 
-    low, high = sorted(after(row.theta + k * abs(row.error)) for k in (-1.645, 1.645))
-    now = after(row.theta)
+    low, now, high = sorted(after(row.theta + k * row.error) for k in (-1.645, 0.0, 1.645))
     return [Size(name, before, max(now, 0.0) if row.group == "friction" else now, unit, (low, high))]
 
 
@@ -181,9 +179,9 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
         "dead_band": ("dead_band.half_width", 0.0, 1.0 if law is None else at.spread("e"), at.length),
         "zero": ("zero.shift", 0.0, 1.0, at.length),
-        "encoder_step": ("encoder_step.step", 0.0, 1e-4, at.length),
-        "encoder_scale": ("encoder_scale.error", 0.0, 1e-4, "1"),
-        "backlash": ("backlash.gap", 0.0, 1e-4, at.length),
+        "encoder_step": ("encoder_step.step", 0.0, ENCODER, at.length),
+        "encoder_scale": ("encoder_scale.error", 0.0, ENCODER, "1"),
+        "backlash": ("backlash.gap", 0.0, ENCODER, at.length),
         "tooth": ("position_table.peak", 0.0, at.effort, at.force),
         "limit": ("saturation.limit", np.inf, 1.0, at.force),
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),

@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
-from pinotwin.diagnosis.days.mechanisms import PLAY, Acts, after_starts, starts, zeros
+from pinotwin.diagnosis.days.mechanisms import ENCODER, PLAY, Acts, after_starts, starts, zeros
 from pinotwin.diagnosis.days.places import Span
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
@@ -28,8 +28,7 @@ class Course:
 
     Attributes:
         acts: of every stretch, equation -> column. price: of the search [nats].
-        since: instant at which it begins in every stretch, or for how long it acts after
-            a start, and after how long a stand [s].
+        since: instant at which it begins in every stretch; or how long it acts after a start, and the stand [s].
     """
 
     acts: list[Acts]
@@ -45,7 +44,7 @@ def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: s
     if (name, "law") in left[0]:
         found["dead_band"] = _dead_band(r, logs, left, name)
     if (name, "encoders") in left[0]:
-        step = [s.axes[name]["one"] * 1e-4 for s in logs]
+        step = [s.axes[name]["one"] * ENCODER for s in logs]
         found["encoder_step"] = since(logs, step, left, (name, "encoders"))
         found["lost_motion_either_side"] = _either_side(logs, left, name)
     return {k: x for k, x in found.items() if x is not None}

@@ -197,7 +197,7 @@ class Decision:
     def probabilities(self, case: Case, one: Row | None = None) -> Floats:
         """Return P of nothing, of something unknown, and of every cause, shape (2 + causes,).
 
-        ``one``: the unknown is what may stand for this cause, and not what is open in equations on which it acts not.
+        ``one``: the unknown is only what may stand for this cause: what its own equations leave.
         """
         X = case.features(self.null)
         if one is not None:

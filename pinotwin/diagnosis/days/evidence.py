@@ -45,7 +45,8 @@ def cells(
             w, x = got.whitening, np.column_stack([columns[k], left[k][name, equation]])
             sigma, silent = w.sigma, not read and equation == "law"
             if not read:  # without its effort the law tells nothing, and the plant what is between both
-                x = (x - np.eye(x.shape[1])[-1] * left[k][name, "law"][:, None]) * (not silent)
+                x[:, -1] -= left[k][name, "law"]
+                x *= not silent
                 sigma = float(np.hypot(sigma, r.whitenings[name, "law"].sigma))
             got.add(s, k, w(x) / sigma, name, silent=silent)
         if got.rows:

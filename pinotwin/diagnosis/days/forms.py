@@ -60,7 +60,9 @@ def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:
     """Return the best form, its one shape searched between those beside it."""
     if len(one.shapes()) != 1 or len(tried) < 2:
         return one
-    return one.shaped([peak(lambda x: gain(one.shaped([x])), [e.shape_values()[0] for e in tried])])
+    every = sorted(e.shape_values()[0] for e in tried)
+    at = every.index(one.shape_values()[0])
+    return one.shaped([peak(lambda x: gain(one.shaped([x])), every[max(at - 1, 0) : at + 2])])
 
 
 def peak(gain: Callable[[float], float], tried: Sequence[float]) -> float:

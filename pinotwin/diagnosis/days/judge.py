@@ -157,7 +157,7 @@ def judge(
 def decided(case: Case, decision: Decision) -> tuple[Floats, Named | None]:
     """Return P of nothing, something unknown and every cause, (2 + causes,), and the best cause.
 
-    None where it is rather something unknown. How probable a cause is does not hang on what others equations leave.
+    None where it is rather something unknown. What other equations leave makes it no less probable.
     """
     P = decision.probabilities(case)
     best = int(np.argmax(np.log(P[1:] + 1e-300).round(2))) - 1  # of two alike the first that is listed

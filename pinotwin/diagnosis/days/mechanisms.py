@@ -157,10 +157,10 @@ def _effort_scaled(
 
 
 def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:
-    twist, place = r.twist(name, c), (c["q"] - c["q"].mean()) * 1e-4
+    twist, place = r.twist(name, c), (c["q"] - c["q"].mean()) * ENCODER
     # Where the bearing is that a screw grows away from is not known: its load moves as it grows.
     scale = np.column_stack([c["one"] * np.std(place), place])
-    moved: dict[str, Acts] = {"load_moved": {"encoders": c["one"] * 1e-4}} if name in r.zeros else {}
+    moved: dict[str, Acts] = {"load_moved": {"encoders": c["one"] * ENCODER}} if name in r.zeros else {}
     return moved | {
         "lost_motion": {"encoders": PLAY * c["memory"]},
         "lost_motion_by_load": {"encoders": PLAY * np.tanh(-twist / (0.1 * np.std(twist)))},
