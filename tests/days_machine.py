@@ -45,6 +45,10 @@ class Day:
     idle: dict[str, float] = field(
         default_factory=dict
     )  # axis -> error up to which its controller does nothing
+    sticks: dict[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # axis -> dry friction at rest over that in motion, less 1, and the speed at which it has gone [m/s, rad/s]
+    late: dict[str, int] = field(default_factory=dict)  # axis -> rows by which its controller acts late
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
     ahead: float = 0.0  # acceleration feed-forward of both controllers, over the inertia they are told
     began: float = 0.0  # how long it has been growing before the run [s]
@@ -77,7 +81,8 @@ def run(day: Day) -> dict[str, np.ndarray]:
     told = (CARRIAGE + arm) / (CARRIAGE + ARM), turned / INERTIA
     kv, ki = (1800.0 * told[0], 22.0 * told[1]), (70000.0 * told[0], 900.0 * told[1])
     give = [day.motor.get(k, 1.0) for k in "XA"]
-    step = (1e-6, 2e-6)
+    more, slow = zip(*(day.sticks.get(k, (0.0, 1.0)) for k in "XA"), strict=True)
+    step, wanted = (1e-6, 2e-6), [[0.0] * day.late.get(k, 0) for k in "XA"]
     q, v, total, u = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
     out = {f"{k}.{c}": np.zeros(n) for k in "XA" for c in ("qr", "q", "u")}
     for i in range(n):
@@ -88,11 +93,14 @@ def run(day: Day) -> dict[str, np.ndarray]:
             most = math.inf if i / RATE < since else most - loss * abs(v[j]) * (u[j] * v[j] > 0.0)
             asked = kv[j] * wish + total[j] + ki[j] * wish / RATE + (CARRIAGE + arm, turned)[j] * ar[i, j]
             asked *= abs(qr[i, j] - seen[j]) >= day.idle.get(k, 0.0)
+            wanted[j].append(asked)
+            asked = wanted[j].pop(0)
             u[j] = max(-most, min(most, asked))
             total[j] += ki[j] * wish / RATE * (u[j] == asked)
             out[f"{k}.qr"][i], out[f"{k}.q"][i], out[f"{k}.u"][i] = qr[i, j], seen[j], u[j]
         for _ in range(STEPS):
-            rub = [today[j] * (dry[j] * math.tanh(v[j] / 1e-3) + viscous[j] * v[j]) for j in (0, 1)]
+            rest = [dry[j] * (1.0 + more[j] * math.exp(-((v[j] / slow[j]) ** 2))) for j in (0, 1)]
+            rub = [today[j] * (rest[j] * math.tanh(v[j] / 1e-3) + viscous[j] * v[j]) for j in (0, 1)]
             c, s = math.cos(q[1]), math.sin(q[1])
             # tau_X = (M + m) x'' - m l (c p'' - s p'^2); tau_A = J p'' - m l c x'' + m g l s
             h = arm * REACH

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.conclusion.sizes import first_text, name_words, size_text
+from pinotwin.diagnosis.conclusion.sizes import change_text, name_words, size_text
 from pinotwin.diagnosis.conclusion.verdict import with_open_signals
 from pinotwin.diagnosis.grade import OPEN
 from pinotwin.diagnosis.result import Diagnosis, Gap, Size, shrunk
@@ -75,11 +75,11 @@ def test_the_sentence_says_pitch_and_place() -> None:
     wave = [Size(f"ripple.{x}", 0.0, 3.0, "N", (2.9, 3.1)) for x in ("a", "b")]
     ripple = Ripple("X", period=0.03244, free_pitch=True)
     found = Named("ripple", "X", 0.9, {"period": 0.03244}, {}, {}, [], size=wave, listed=ripple)
-    assert first_text(found) == "amplitude 4.24 N, pitch 32.44 mm"
+    assert change_text(found) == ": amplitude 4.24 N (90 %: 4.14 to 4.34), pitch 32.44 mm"
     table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
     heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
     found = Named("position_table", "A", 0.9, {}, {}, {}, [], size=heights, listed=table)
-    assert first_text(found) == "lowest of 5 points -3 N·m at 11.46 °"
+    assert change_text(found) == ": lowest of 5 points -3 N·m (90 %: -3 to -3) at 11.46 °"
 
 
 def test_a_place_is_no_fraction_of_a_name() -> None:

@@ -14,14 +14,17 @@ from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
+from pinotwin.diagnosis.days.forms import _polished
 from pinotwin.diagnosis.days.judge import evidence, named
 from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.mechanisms import bodies
 from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, score
 from pinotwin.diagnosis.days.whitening import Whitening
+from pinotwin.effects import EFFECTS, Effect
 from pinotwin.log import Log
 from tests.days_machine import Day, machine, write
 from tests.invariants import invariants
@@ -76,6 +79,16 @@ def test_friction_that_fell_is_one_factor_of_its_axis(folder: Path, twin: pt.Twi
         assert again.provenance["options"]["worth"] == worth
     assert found.gap["X"]["u"].is_open() is False  # by what was named
     assert again.grade("X") == "above misfit"  # and no more is said than that the residual is larger
+
+
+@pytest.mark.parametrize(("axis", "slow"), [("X", 0.01), ("X", 0.04), ("A", 0.1)])
+def test_friction_that_grew_near_rest_is_named_by_the_rows_at_which_the_axis_turns(
+    folder: Path, twin: pt.Twin, axis: str, slow: float
+) -> None:
+    found = _asked(folder, twin, f"sticks_{slow}", sticks={axis: (1.0, slow)})
+    assert [(e.effect, e.axis) for e in found.effects] == [("stribeck", axis)]
+    assert found.effects[0].shape["v_s"] == pytest.approx(slow, rel=0.25)
+    assert slow == 0.01 or found.effects[0].shrink["e"].share > 0.3
 
 
 @pytest.mark.parametrize("load", [1.5, -1.5])
@@ -339,6 +352,14 @@ def test_a_controller_that_does_nothing_near_its_command_has_a_dead_band(
     assert found.effects[0].size[0].after == pytest.approx(band, rel=0.15)
 
 
+def test_a_controller_that_acts_late_is_a_delay_though_its_effort_is_what_the_plant_needs(
+    folder: Path, twin: pt.Twin
+) -> None:
+    found = _asked(folder, twin, "late", late={"X": 1})
+    assert [(e.effect, e.axis) for e in found.effects] == [("delay", "X")]
+    assert found.effects[0].size[0].after == pytest.approx(0.004, rel=0.15)
+
+
 def test_a_command_that_jitters_is_no_limit(folder: Path, twin: pt.Twin) -> None:
     """Efforts elsewhere reach beyond any level at which they stand."""
     log, rng = pt.read(folder / "none_0.csv"), np.random.default_rng(0)
@@ -401,6 +422,38 @@ def test_whitening_recovers_an_autoregression() -> None:
     y = w(x[:, None])[:, 0]
     assert abs(float(y[1:] @ y[:-1]) / float(y @ y)) < 0.15  # a white floor of 5 % leaves some of the 0.8
     assert w.sigma**2 * len(y) == pytest.approx(float(y @ y), rel=0.05)
+
+
+def test_rows_where_an_axis_turns_round_count_by_what_healthy_logs_leave_there() -> None:
+    x, one = np.random.default_rng(3).standard_normal(20000), np.ones(20000)
+    turns = (np.arange(len(x)) // 200) % 5 == 0
+    c = {"moving": one - turns, "going": one, "one": one}
+    w = Whitening.measured([x], [c["moving"]])
+    counts = w.turns([np.where(turns, 3.0 * x, x)], [c]).counts(c, "plant")
+    assert sorted(set(counts)) == [0.0, pytest.approx(1.0 / 3.0, rel=0.1), 1.0]
+    assert (counts[turns][7:] < 0.5).all()
+    assert (
+        w.turns([x], [{**c, "moving": one}]).counts(c, "plant")[turns].max() < 1e-3
+    )  # no own day has turned
+
+
+def test_a_form_is_searched_between_the_shapes_that_are_tried() -> None:
+    axis = EFFECTS["drive_flexibility"].on(pt.Machine.load("emps"), "X")
+    tried = [axis.shaped([f, d]) for f in (10.0, 20.0, 40.0) for d in (0.03, 0.1, 0.3)]
+    truth = np.log([26.0, 0.06])
+
+    def gain(effect: Effect) -> float:
+        off = np.log(effect.shape_values()) - truth
+        return 9.0 - float(off @ [[1.0, 0.4], [0.4, 1.0]] @ off)  # the one hangs on the other
+
+    found = _polished(tried, max(tried, key=gain), gain)
+    assert found.shape_values() == pytest.approx((26.0, 0.06), rel=0.15)
+
+
+def test_what_a_body_shows_on_no_axis_is_none_of_its_numbers(known_days: Reference) -> None:
+    columns = bodies(known_days, known_days.logs[0])["payload"]
+    seen = np.any([x.any(axis=0) for x in columns.values()], axis=0)
+    assert seen.tolist() == [True, True, False, True, True]  # the arm turns about y
 
 
 def test_a_score_knows_the_number_and_its_error() -> None:

@@ -129,7 +129,7 @@ def test_a_current_counted_the_other_way_is_a_factor_below_zero(twin, other):
     found = diagnose(twin, changed(other, X_u=-0.9 * other["X.u"]), quick=True)
     assert [(e.effect, e.axis) for e in found.effects] == [("effort_scale", "X")]
     assert found.effects[0].theta["share"] == pytest.approx(-1.9, abs=0.01)
-    assert "factor 1 -> -0.9" in found.sentence
+    assert "to -0.9 times its value" in found.sentence
     assert any("wrong sign" in w for w in found.warnings)
 
 

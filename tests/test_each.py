@@ -149,8 +149,8 @@ def test_sentence_and_chips_of_a_page_agree() -> None:
     assert finding([calm, still]) == "A residual without a named cause: f."
     some = finding([calm, moved, back, more])
     assert (
-        some
-        == "Changed in 2 of 4 logs. Viscous friction on axis X, b 10 → 30 N·s/m: in 2 of 4 logs, first in c."
+        some == "Changed in 2 of 4 logs. Viscous friction on axis X, friction coefficient 10 → 30 N·s/m: "
+        "in 2 of 4 logs, first in c."
     )
     assert finding([calm, moved, more]).endswith("in every log from c on.")
     lost = {**calm, "folder": None, "gaps": {}, "state": {}, "error": "cannot be read"}
@@ -167,7 +167,7 @@ def test_the_page_of_a_machine_says_what_its_model_lacks() -> None:
     assert finding(rows) == "No missing effect in 2 logs."
     load = _row("b", "gap explained", _cause(None, 20.0), verdict="explained", situation="structure")
     page = _page(*rows, load)
-    assert "The model lacks an effect in 1 of 3 logs. Viscous friction, b" in page
+    assert "The model lacks an effect in 1 of 3 logs. Viscous friction, friction coefficient" in page
     assert (page.count(">as its model<"), page.count(">unlike its model<"), page.count("changed")) == (
         2,
         1,

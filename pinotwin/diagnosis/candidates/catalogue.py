@@ -20,10 +20,7 @@ APART = ("rigid_body", "external_force", "spring")
 """Looked for in another way: by change points in time, and by the vibration of a passive joint."""
 SAME = {"joint_flexibility": "drive_flexibility"}
 """Effects whose columns are those of another one: not tried where that is."""
-
-
 BESIDE = {"viscous_thermal": ("viscous",)}  # Effects that are tried together with what they change
-
 SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}  # Effects that are no more than others together
 
 

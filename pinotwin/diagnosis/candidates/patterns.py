@@ -154,10 +154,8 @@ def loudest(t: Floats, left: Floats) -> list[float]:
 def patterns(comparison: Comparison) -> Iterator[Effect]:
     """Yield the patterns worth trying on every axis."""
     motion = comparison.new.motion
-    for axis in comparison.machine.axes.values():
+    for axis in (x for x in comparison.machine.axes.values() if x.index in comparison.new.joints):
         j = axis.index
-        if j not in comparison.new.joints:
-            continue
         rows = comparison.new.samples(j)
         q, v, t = motion.q[rows, j], motion.v[rows, j], motion.t[rows]
         low, high = np.quantile(v, [0.005, 0.995])
@@ -170,9 +168,8 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots)
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots, dry=True)
-        tried = Ripple.candidates(comparison.machine, axis.name, motion)
         longest = travel / RippleModulated.repeats
-        for ripple in tried:
+        for ripple in Ripple.candidates(comparison.machine, axis.name, motion):
             pitch = float(ripple.shape_values()[0]) if ripple.shape_values() else 0.0
             if 0.0 < pitch <= longest:
                 bounds = {"low": 0.5 * pitch, "high": min(2.0 * pitch, longest)}

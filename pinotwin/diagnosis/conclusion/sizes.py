@@ -60,17 +60,18 @@ def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
 def name_words(size: Size) -> str:
     """Return what a number is, in words."""
     family, _, last = size.name.partition(".")
-    return NUMBERS.get(size.name) or _place_text((last or family).replace("_", " "))
+    text = (last or family).replace("_", " ")  # a place in it in the unit in which people read it
+    place = re.sub(r"(?<=at )(-?[\d.e-]+) (m|rad)$", lambda x: _along(float(x[1]), x[2]), text)
+    return NUMBERS.get(size.name) or place
 
 
 def size_text(size: Size, digits: int = 4) -> str:
     """Return a size in words: from what to what where the model held a number, or an effort had no limit."""
-    name = _place_text(size.name.partition(".")[2] or size.name)
     if np.isnan(size.before) or size.before == 0.0:
-        return f"{name} {now_text(size, digits)}"
+        return f"{name_words(size)} {now_text(size, digits)}"
     one = in_shown_unit(size)
     before = _number(one.before, digits) if np.isfinite(one.before) else "none"
-    return f"{name} {before} -> {now_text(size, digits)}"
+    return f"{name_words(size)} {before} -> {now_text(size, digits)}"
 
 
 def in_shown_unit(size: Size) -> Size:
@@ -120,16 +121,6 @@ def times_text(size: Size) -> str:
     return f"{per_cent:{'+.0f' if abs(per_cent) >= 10.0 else '+.2g'}} %" if ratio > 0.0 else ""
 
 
-def first_text(found: Found) -> str:
-    """Return the size of a cause for a sentence, with its pitch or place; empty for one without numbers."""
-    sizes = told(found.size)
-    if not sizes:
-        return ""
-    if "points" not in sizes[0].name:
-        return size_text(sizes[0], 3) + _pitch(found)
-    return size_text(max(sizes, key=lambda s: abs(s.after)), 3) + _place(found)
-
-
 def _pitch(found: Found) -> str:
     """Return the pitch of a cause that returns along the travel."""
     shapes = () if found.listed is None else found.listed.shapes()
@@ -155,11 +146,6 @@ def place_of(found: Found) -> float | None:
 def _along(x: float, unit: str) -> str:
     factor, read = shown(unit, x)
     return f"{factor * x:.4g} {read}"
-
-
-def _place_text(name: str) -> str:
-    """Return the name of a number with the place in it in the unit in which people read it."""
-    return re.sub(r"(?<=at )(-?[\d.e-]+) (m|rad)$", lambda x: _along(float(x[1]), x[2]), name)
 
 
 def change_text(found: Found) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.diagnosis.conclusion.sizes import first_text
+from pinotwin.diagnosis.conclusion.sizes import change_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import OPEN, grade, stays
 from pinotwin.diagnosis.phrases import effect_words
@@ -137,11 +137,10 @@ def _sentence(
 
 
 def said(e: Found) -> str:
-    """Return an effect with size and share: ``Y viscous friction, b 51 -> 297 N·s/m (explains ...)``."""
-    what = ", ".join(x for x in (f"{e.axis or ''} {effect_words(e.effect)}".strip(), first_text(e)) if x)
-    shrink = next(iter(e.shrink.values()), None)
-    explains = "" if shrink is None else f"explains {max(shrink.share, 0.0):.0%} of the variance, "
-    return f"{what} ({explains}confidence {e.confidence:.0%})"
+    """Return an effect with size and share: ``Y viscous friction from 51 to 297 N·s/m (90 %: ...), explains ...``."""
+    what, shrink = f"{e.axis or ''} {effect_words(e.effect)}".strip(), next(iter(e.shrink.values()), None)
+    explains = [] if shrink is None else [f"explains {max(shrink.share, 0.0):.0%} of the variance"]
+    return ", ".join([what + change_text(e), *explains, f"confidence {e.confidence:.0%}"])
 
 
 def unsure_words(possible: Sequence[Found]) -> list[str]:

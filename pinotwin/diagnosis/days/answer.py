@@ -154,11 +154,17 @@ class Answer:
         return out
 
     def found(self) -> list[Found]:
-        """Return the named causes in the form of the contract, what reduces its residual most first."""
-        out = [self.told(x) for x in self.named]
-        e = self.track.shrinks
-        out = [replace(x, shrink={**x.shrink, "e": e[str(x.axis)]}) if x.axis in e else x for x in out]
-        return sorted(out, key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
+        """Return the named causes in the form of the contract, largest first; of several equations one."""
+        out, e = dict[tuple[str, str | None], Found](), self.track.shrinks
+        for x in map(self.told, self.named):
+            first = out.get((x.effect, x.axis), x)
+            own = {"e": e[str(x.axis)]} if x.axis in e else {}
+            shrink = {**first.shrink, **x.shrink, **own, **first.shrink}
+            more = [s for s in x.size if x is not first]
+            out[x.effect, x.axis] = replace(
+                first, shrink=shrink, acts={**x.acts, **first.acts}, size=[*first.size, *more]
+            )
+        return sorted(out.values(), key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
 
     def told(self, x: Named) -> Found:
         """Return a cause in the form of the contract."""
@@ -200,13 +206,13 @@ class Answer:
         )
 
     def adds(self, x: Named) -> bool:
-        """Whether a cause closes more of any effort or twist than the form of another leaves, or acts on neither."""
+        """Whether a cause closes more of any effort or twist than the form of another leaves, or some of a law."""
         efforts = [("plant", {id(who): c.share for who, c in each}) for each in self.closed.values()]
         twists = [("encoders", {k: s.share for k, s in each.items()}) for _, each in self.between.values()]
         acts = [(e, shares) for e, shares in (*efforts, *twists) if id(x) in shares]
         rest = {e: SETTINGS.trace**2 * (1.0 - np.clip(y, 0.0, 1.0)) for e, y in x.row.closed.items()}
         large = [s[id(x)] > max(self.c.worth, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
-        return any(large) or not acts
+        return any(large) or not acts or x.row.closed.get("law", 0.0) > self.c.worth
 
     def _law(self, row: Row, axis: str) -> Shrink:
         """Return how far the residual of the controller's law shrinks."""

@@ -172,7 +172,6 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
         "drift": ("offset.drift", 0.0, at.effort, at.force),
         "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), mass),
-        "drive_flexibility": ("drive_flexibility.effort", 0.0, at.effort, at.force),
         "compliance": ("drive_flexibility.stiffness", stiff, -stiff, f"{at.force}/{at.length}"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),

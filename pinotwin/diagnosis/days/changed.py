@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+from scipy.linalg import block_diag
+
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.days.forms import parts as parts_of
 from pinotwin.diagnosis.days.law import FOLLOWS, Law
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
@@ -35,6 +39,10 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
         for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told
             twin = _turned(twin, name, gain * sum(laws[name].numbers()[x] for x in FOLLOWS)) or twin
         return twin
+    if row.group == "form" and row.form is not None:
+        covariance = block_diag(twin.covariance, np.diag((row.errors * row.scale) ** 2))
+        more = {"effects": (*twin.effects, *parts_of(row.form)), "covariance": covariance}
+        return replace(twin, theta=np.r_[twin.theta, row.numbers * row.scale], **more)
     parts = {"friction_scale": ("dry", "viscous"), "coulomb": ("dry",), "viscous": ("viscous",)}.get(row.name)
     if parts is None:
         return None

@@ -60,7 +60,7 @@ def since(
     """Return a cause, (n,) in each log, since an instant, sought in what ``w`` whitens; None if from the start."""
     pairs = [np.column_stack([x, y[key]]) for x, y in zip(course, left, strict=True)]
     if w is not None:
-        pairs = [w(x) * settled(s.axes[key[0]]["moving"])[:, None] for s, x in zip(logs, pairs, strict=True)]
+        pairs = [w(x) * w.counts(s.axes[key[0]], key[1])[:, None] for s, x in zip(logs, pairs, strict=True)]
     begin = [onset(s, *x.T, level=key[1] == "encoders") for s, x in zip(logs, pairs, strict=True)]
     if max(begin) <= 1.0:
         return None

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.reference import EQUATIONS, Reference
 from pinotwin.diagnosis.days.score import Cells
 from pinotwin.diagnosis.days.stretch import Stretch
-from pinotwin.diagnosis.days.whitening import Whitening, settled
 from pinotwin.diagnosis.settings import SETTINGS
 
 Left = dict[tuple[str, str], Floats]
@@ -39,18 +38,20 @@ def cells(
     out = {}
     for equation in asked:
         columns, at = _beside(logs, days, acting or [{} for _ in logs], equation)
-        counts = "moving" if equation == "plant" else "one"
-        got = _Cellar(r.whitenings[name, equation], [settled(s.axes[name][counts]) for s in logs])
+        w, parts, silent = r.whitenings[name, equation], list[_Cell](), not read and equation == "law"
+        sigma = w.sigma if read else float(np.hypot(w.sigma, r.whitenings[name, "law"].sigma))
         for k, s in enumerate(logs):
-            w, x = got.whitening, np.column_stack([columns[k], left[k][name, equation]])
-            sigma, silent = w.sigma, not read and equation == "law"
+            x = np.column_stack([columns[k], left[k][name, equation]])
             if not read:  # without its effort the law tells nothing, and the plant what is between both
-                x[:, -1] -= left[k][name, "law"]
-                x *= not silent
-                sigma = float(np.hypot(sigma, r.whitenings[name, "law"].sigma))
-            got.add(s, k, w(x) / sigma, name, silent=silent)
-        if got.rows:
-            out[equation] = got.cells(days[0][equation].shape[1], at)
+                x[:, -1] = (x[:, -1] - left[k][name, "law"]) * (not silent)
+            counts = w.counts(s.axes[name], equation)
+            x = w(x) / sigma * counts[:, None] / np.sqrt(w.spread)
+            lost = np.log(max(float(np.std(s.axes[name]["u"])) / w.sigma, 1.0)) + 0.5 if silent else None
+            for on in (counts == 1.0, (counts > 0.0) & (counts < 1.0)):
+                parts += _summed(x, on, (s.cell, k), w.spread, lost)
+        if parts:
+            gram, rows, log, fold, constant = map(np.array, zip(*parts, strict=True))
+            out[equation] = Cells(gram, rows, log, fold, constant, days[0][equation].shape[1], at)
     return out
 
 
@@ -69,41 +70,19 @@ def _beside(
     return [np.column_stack(p) for p in parts], where
 
 
-class _Cellar:
-    """Collects the cells of one equation."""
+_Cell = tuple[Floats, float, int, int, float]
+"""Gram matrix, independent rows, log, fold, and what is added to the log density [nats]."""
 
-    def __init__(self, whitening: Whitening, masks: Sequence[Floats]) -> None:
-        self.whitening, self.masks = whitening, masks
-        self.grams: list[Floats] = []
-        self.rows: list[float] = []
-        self.log: list[int] = []
-        self.fold: list[int] = []
-        self.constant: list[float] = []
 
-    def add(self, s: Stretch, k: int, white: Floats, name: str, *, silent: bool) -> None:
-        """Add the cells of a stretch from its whitened columns, residual last; ``silent``: its rows tell nothing."""
-        w, mask = self.whitening, self.masks[k]
-        x = white * mask[:, None] / np.sqrt(w.spread)
-        wide = float(np.std(s.axes[name]["u"]))
-        edges = np.flatnonzero(np.r_[True, np.diff(s.cell) != 0, True])
-        for a, b in pairwise(edges):
-            count, lost = float(mask[a:b].sum()) / w.spread, silent * (b - a) / w.spread
-            if count < 0.5:
-                continue
-            self.grams.append(x[a:b].T @ x[a:b])
-            self.rows.append(max(count - lost, 0.0))
-            self.log.append(k)
-            self.fold.append((int(s.cell[a]) + k) % SETTINGS.folds)
-            self.constant.append(-lost * (np.log(max(wide / w.sigma, 1.0)) + 0.5))
+def _summed(x: Floats, on: Mask, at: tuple[Ints, int], spread: float, lost: float | None) -> Iterator[_Cell]:
+    """Yield the cells of one kind of rows of a stretch from its whitened columns, residual last.
 
-    def cells(self, day: int, at: dict[str, Ints]) -> Cells:
-        """Return what was collected."""
-        return Cells(
-            np.array(self.grams),
-            np.array(self.rows),
-            np.array(self.log),
-            np.array(self.fold),
-            np.array(self.constant),
-            day,
-            at,
-        )
+    ``at``: cell of every row, and the log; ``lost``: what a row costs that tells nothing [nats].
+    """
+    cell, log = at
+    for a, b in pairwise(np.flatnonzero(np.r_[True, np.diff(cell) != 0, True])):
+        rows, count = on[a:b], float(on[a:b].sum()) / spread
+        if count >= 0.5:
+            silent, own = 0.0 if lost is None else (b - a) / spread, x[a:b][rows]
+            fold = (int(cell[a]) + log) % SETTINGS.folds
+            yield own.T @ own, max(count - silent, 0.0), log, fold, -silent * (lost or 0.0)

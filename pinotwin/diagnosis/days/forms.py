@@ -33,7 +33,7 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     twin = r.twin
     tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
     thin = Motion.join([s.motion.at(s.rows) for s in w.logs])
-    gain = partial(_gain, np.concatenate(w.back), np.concatenate(w.density), thin)
+    gain = partial(_gain, w, thin)
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
@@ -57,12 +57,23 @@ def _best(tried: Sequence[Effect], gain: Gain) -> Effect | None:
 
 
 def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:
-    """Return the best form, its one shape searched between those beside it."""
-    if len(one.shapes()) != 1 or len(tried) < 2:
-        return one
-    every = sorted(e.shape_values()[0] for e in tried)
-    at = every.index(one.shape_values()[0])
-    return one.shaped([peak(lambda x: gain(one.shaped([x])), every[max(at - 1, 0) : at + 2])])
+    """Return the best form, its shapes searched between those beside them, one after the other."""
+    every = [sorted(set(x)) for x in zip(*(e.shape_values() for e in tried), strict=True)]
+    for _ in every:  # a shape hangs on those that were searched after it
+        for k, values in enumerate(every):
+            one = _along(one, k, values, gain)
+    return one
+
+
+def _along(one: Effect, k: int, values: Sequence[float], gain: Gain) -> Effect:
+    """Return a form with its shape number ``k`` where it gains most between the values beside it."""
+    at = list(one.shape_values())
+    near = [*[x for x in values if x < at[k]][-1:], at[k], *[x for x in values if x > at[k]][:1]]
+
+    def moved(x: float) -> Effect:
+        return one.shaped([*at[:k], x, *at[k + 1 :]])
+
+    return moved(peak(lambda x: gain(moved(x)), near)) if len(near) > 1 else one
 
 
 def peak(gain: Callable[[float], float], tried: Sequence[float]) -> float:
@@ -70,20 +81,22 @@ def peak(gain: Callable[[float], float], tried: Sequence[float]) -> float:
     every = sorted(tried)
     at = max(range(len(every)), key=lambda k: gain(every[k]))
     span = every[max(at - 1, 0)], every[min(at + 1, len(every) - 1)]
-    found = minimize_scalar(lambda x: -gain(x), bounds=span, method="bounded", options={"maxiter": 15})
+    found = minimize_scalar(
+        lambda x: -max(gain(x), -1e9), bounds=span, method="bounded", options={"maxiter": 15}
+    )
     return max((every[at], float(found.x)), key=gain)
 
 
-def _gain(back: Floats, density: Floats, thin: Motion, effect: Effect) -> float:
-    """Return what a form may explain less what its numbers cost [nats], by its columns before the low-pass."""
-    x = _values(effect, thin)
-    both, own = back @ x, x.T @ (x * density[:, None])
-    seen = np.diag(own) > 0.0
-    if not seen.any():
+def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
+    """Return what a form may explain less what its numbers cost [nats], by its columns on the rows that are kept."""
+    parts = np.split(_values(effect, thin), np.cumsum([len(s.t) for s in w.logs])[:-1])
+    x = np.concatenate([w.passed(k, part) for k, part in enumerate(parts)])
+    both, own = np.concatenate(w.left) @ x, x.T @ x
+    size = np.diag(own)
+    if not size.any():
         return -np.inf
-    both, own = both[seen], own[np.ix_(seen, seen)]
-    own += 1e-6 * np.diag(np.diag(own))
-    return float(0.5 * both @ np.linalg.solve(own, both)) - SETTINGS.number * len(both)
+    explains = both @ np.linalg.solve(own + np.diag(1e-6 * size + (size == 0.0)), both)
+    return 0.5 * float(explains) - SETTINGS.number * np.count_nonzero(size)
 
 
 def _values(effect: Effect, m: Motion) -> Floats:

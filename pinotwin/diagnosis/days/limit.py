@@ -30,8 +30,6 @@ TRIED = 16
 """How many levels are tried with each."""
 LATELY = 3
 """How many short times beyond a level may be the last without it."""
-
-
 Clipped = tuple[Floats, Floats]
 """What a clipped law leaves of a stretch, and its constants, nan on rows at the limit, shape (n,) each."""
 

@@ -27,7 +27,7 @@ GROUPS = {
     "cross": ("cross_friction", "motor_coulomb", "motor_viscous"),
     "offset": ("offset", "drift", "zero", "zero_since"),
     "body": ("inertia", "payload"),
-    "flex": ("drive_flexibility", "compliance"),
+    "flex": ("compliance",),
     "law": (
         "position_gain",
         "proportional_gain",
@@ -98,7 +98,6 @@ def mechanisms(
         "offset": {"plant": c["one"] * size},
         "drift": {"plant": np.column_stack([c["one"], since + ramp]) * size},
         "inertia": {"plant": c["a"] * size / np.std(c["a"])},
-        "drive_flexibility": {"plant": c["s"] * size / np.std(c["s"])},
         "effort_late": {"plant": -c["du"] * 1e-3},
         **_effort_scaled(c, ramp, left, name),
     }
@@ -195,14 +194,14 @@ def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> d
     names, out = r.twin.machine.names, {}
     q = s.motion.q[s.rows]
     for name in r.axes:
-        one, shift = np.array(names) == name, 0.0
+        one, shift, moving = np.array(names) == name, 0.0, s.axes[name]["moving"]
         for _ in range(3):  # a slope alone, -d tau / d q, ends where a ripple turns
             step = max(0.5 * abs(shift), 1e-3)
             ends = q + (step - 0.5 * shift) * one, q - (step + 0.5 * shift) * one
             low, high = (r.twin.predict(x, 0.0 * q, 0.0 * q) for x in ends)
             turn = s.low((high - low) / (2.0 * step))
             x = turn[:, names.index(name)]
-            shift = float(x @ left[name, "plant"]) / max(float(x @ x), 1e-300)
+            shift = float((x * moving) @ left[name, "plant"]) / max(float((x * moving) @ x), 1e-300)
         if np.std(x) > 1e-3 * r.widths[name]["effort"]:
             out[f"zero:{name}"] = {k: turn[:, names.index(k)] for k in r.axes}
     return out
@@ -218,11 +217,15 @@ def bodies(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
         return out  # nothing tells it from an inertia
     tree = Tree(r.twin.model, machine.names, machine.rotary)
     at = {name: machine.names.index(name) for name in r.axes}
+    efforts = np.array([[r.widths[k]["effort"]] for k in r.axes])
     for link in r.axes:
-        values = Payload(link).bound(tree).columns(s.motion).values
-        inertia = values[:, :, [4, 6, 9]].sum(axis=2)
+        values = Payload(link).bound(tree).columns(s.motion).values[:, list(at.values())]
+        body = np.concatenate([values[..., :4], values[..., [4, 6, 9]].sum(axis=2, keepdims=True)], axis=2)
+        body *= (np.abs(body).max(axis=0) > 1e-6 * efforts).any(
+            axis=0
+        )  # less is the rounding of a URDF's angles
         cause = "payload" if link == r.axes[-1] else f"payload:{link}"
-        out[cause] = {k: s.taken(np.column_stack([values[:, j, :4], inertia[:, j]])) for k, j in at.items()}
+        out[cause] = {k: s.taken(body[:, j]) for j, k in enumerate(at)}
     return out
 
 

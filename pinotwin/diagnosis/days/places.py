@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.ndimage import convolve1d
 from scipy.special import gammaln
 
 from pinotwin.arrays import Floats, Ints
@@ -16,7 +16,7 @@ from pinotwin.diagnosis.days.mechanisms import one_program
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.score import density
 from pinotwin.diagnosis.days.stretch import Stretch
-from pinotwin.diagnosis.days.whitening import settled
+from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 
@@ -48,42 +48,41 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
-    """Stretches with the whitened residual that a healthy day leaves of the plant of one axis."""
+    """Stretches with the whitened residual that a healthy day leaves of the plant of one axis.
+
+    Attributes:
+        whitening: by the misfit's spectrum. counts: what each whitened row is multiplied with, of every stretch, (n,).
+        left: the residual as weighed, of every stretch, (n,). effort: RMS of the axis' effort [N or N·m].
+    """
 
     logs: Sequence[Stretch]
     name: str
-    rho: Floats
-    weight: float
-    spread: float
-    masks: list[Floats]
+    whitening: Whitening
+    counts: list[Floats]
     left: list[Floats]
     effort: float
 
-    def white(self, x: Floats) -> Floats:
-        """Return a column (n,) or columns (n, k) as whitened by the misfit's spectrum."""
-        return np.asarray(lfilter(np.r_[1.0, -self.rho], [1.0], x, axis=0))
+    def weighed(self, k: int, x: Floats) -> Floats:
+        """Return columns (n, p) of a stretch as whitened, each row by what it counts."""
+        return self.whitening(x) * self.counts[k][:, None]
 
     def gain(self, k: int, before: Floats, after: Floats) -> float:
         """Return what a stretch gains [nats] if less is left of it, by the density of its cells."""
         cell = self.logs[k].cell
-        rows = np.bincount(cell, self.masks[k]) / self.spread
+        rows = np.bincount(cell, (self.counts[k] * self.whitening.sigma) ** 2).astype(float)
         old, new = (density(np.bincount(cell, x**2).astype(float), rows) for x in (before, after))
         return float(np.sum(new - old))
 
     @cached_property
-    def back(self) -> list[Floats]:
-        """The adjoint: what a column is multiplied with before whitening and low-pass, (n,) in every stretch."""
-        return [
-            s.low(self.white((x * m / self.weight)[::-1])[::-1])
-            for s, x, m in zip(self.logs, self.left, self.masks, strict=True)
-        ]
+    def response(self) -> Floats:
+        """What low-pass and whitening make of one row, shape (k,), k odd: from as many rows before it to after it."""
+        reach = 2 * len(self.whitening.rho)
+        one = self.logs[0].low(np.eye(1, 10 * reach + 1, 5 * reach)[0])
+        return self.whitening(one)[4 * reach : 6 * reach + 1]
 
-    @cached_property
-    def density(self) -> list[Floats]:
-        """About what a squared column weighs then, (n,) in every stretch."""
-        step, order = self.logs[0].step, np.arange(1, len(self.rho) + 1)
-        passed = [abs(np.exp(-2j * np.pi * f * step * order) @ -self.rho + 1.0) ** 2 for f in (2.0, 4.0, 8.0)]
-        return [m / self.weight**2 * float(np.mean(passed)) for m in self.masks]
+    def passed(self, k: int, x: Floats) -> Floats:
+        """Return columns (n, p) of a stretch before the low-pass as weighed."""
+        return convolve1d(x, self.response, axis=0, mode="constant") * self.counts[k][:, None]
 
 
 def local(r: Reference, w: Whitened) -> dict[str, Local]:
@@ -96,9 +95,8 @@ def local(r: Reference, w: Whitened) -> dict[str, Local]:
         cuts = pulses(w, [tuple(range(len(logs)))], 12)
         if cuts:
             out["cut"] = _timed(w, cuts)
-    low = min(float(s.axes[name]["q"].min()) for s in logs)
-    high = max(float(s.axes[name]["q"].max()) for s in logs)
-    return {**out, **_at_places(w, low, high)}
+    q = np.concatenate([s.axes[name]["q"] for s in logs])
+    return {**out, **_at_places(w, float(q.min()), float(q.max()))}
 
 
 def whitened(
@@ -110,15 +108,14 @@ def whitened(
 ) -> Whitened:
     """Return what is left of an axis beside a healthy day, whitened."""
     whitening = r.whitenings[name, "plant"]
-    masks = [settled(s.axes[name]["moving"]) for s in logs]
+    counts = [whitening.counts(s.axes[name], "plant") / whitening.weight for s in logs]
     rest = []
-    for s, x, m in zip(logs, left, masks, strict=True):
-        day = whitening(healthy_day(r, s, name, found)["plant"]) * m[:, None] / whitening.weight
-        y = whitening(x[name, "plant"][:, None])[:, 0] * m / whitening.weight
+    for s, x, c in zip(logs, left, counts, strict=True):
+        day = whitening(healthy_day(r, s, name, found)["plant"]) * c[:, None]
+        y = whitening(x[name, "plant"]) * c
         known = np.linalg.solve(day.T @ day + np.eye(day.shape[1]), day.T @ np.clip(y, -6.0, 6.0))
         rest.append(y - day @ known)
-    effort = r.widths[name]["effort"]
-    return Whitened(logs, name, whitening.rho, whitening.weight, whitening.spread, masks, rest, effort)
+    return Whitened(logs, name, whitening, counts, rest, r.widths[name]["effort"])
 
 
 Waves = list[dict[int, Floats]]
@@ -151,7 +148,7 @@ def _without(
         x = np.zeros(len(w.logs[k].t))
         x[push.at : push.at + len(push.wave)] = push.wave[: len(x) - push.at]
         columns[k] = x
-        b = w.white(x) * w.masks[k] / w.weight
+        b = w.whitening(x) * w.counts[k]
         rest[k] = left[k] - b * float(left[k] @ b) / max(float(b @ b), 1e-9)
         gain += w.gain(k, left[k], rest[k])
     return gain, columns, rest
@@ -199,15 +196,15 @@ def _strongest(
     n = max(2, int(long))
     edge = np.array([0.25, 0.5, 0.25])  # about what the low-pass leaves of a step
     wave = np.convolve(np.ones(n), edge) if box else np.sin(np.pi * np.arange(n + 2) / (n + 1))
-    b = np.convolve(wave, np.r_[1.0, -w.rho])
+    b = np.convolve(wave, np.r_[1.0, -w.whitening.rho])
     short = min(len(left[k]) for k in group)
     if short <= len(b):
         return _Push(0.0, group, 0, wave, long, box)
-    num = sum(np.correlate(left[k][:short], b, "valid") for k in group)
-    den = sum(np.correlate(w.masks[k][:short] / w.weight**2, b**2, "valid") for k in group)
-    whole = len(group) * float(b @ b) / w.weight**2
+    num = sum(np.correlate((left[k] * w.counts[k])[:short], b, "valid") for k in group)
+    den = sum(np.correlate(w.counts[k][:short] ** 2, b**2, "valid") for k in group)
+    whole = len(group) * float(b @ b) / w.whitening.weight**2
     seen = den > 0.5 * whole  # a push that lies in rows that do not count is none
-    gain = np.where(seen, num**2 / np.maximum(den, 0.5 * whole) / w.weight**2 / 2.0, 0.0)
+    gain = np.where(seen, num**2 / np.maximum(den, 0.5 * whole) / 2.0, 0.0)
     at = int(np.argmax(gain))
     return _Push(float(gain[at]), group, at, wave, long, box)
 
@@ -273,26 +270,23 @@ def _scan(w: Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:
         if not len(places):
             continue
         E = [np.exp(-(((s.axes[w.name]["q"][:, None] - places) / width) ** 2)) for s in w.logs]
-        P = [x * b[:, None] for x, b in zip(E, w.back, strict=True)]
-        Z = [x**2 * d[:, None] for x, d in zip(E, w.density, strict=True)]
-        num, den = sum(p.sum(axis=0) for p in P), sum(z.sum(axis=0) for z in Z)
-        gain = num**2 / np.maximum(den, 0.05 / w.weight**2) / 2.0
+        X = np.concatenate([w.passed(k, x) for k, x in enumerate(E)])
+        num, den = np.concatenate(w.left) @ X, np.sum(X**2, axis=0)
+        gain = num**2 / np.maximum(den, 0.05 / w.whitening.weight**2) / 2.0
         n = int(np.argmax(gain))
         if gain[n] > tooth.gain:
             tooth = _Bump(float(gain[n]), float(places[n]), width)
-        snag = max(snag, _best_snag(w, places, width, (E, P, Z)), key=lambda x: x.gain)
+        snag = max(snag, _best_snag(w, places, width, E), key=lambda x: x.gain)
     return tooth, snag
 
 
-def _best_snag(
-    w: Whitened, places: Floats, width: float, parts: tuple[list[Floats], list[Floats], list[Floats]]
-) -> _Bump:
+def _best_snag(w: Whitened, places: Floats, width: float, bumps: Sequence[Floats]) -> _Bump:
     """Return the place at which dry friction rises on some passes: each is on (0.4) or off (0.6)."""
     sums, edges = [], list[Ints]()
-    for s, x, p, z in zip(w.logs, *parts, strict=True):
+    for k, (s, x, left) in enumerate(zip(w.logs, bumps, w.left, strict=True)):
         zero = np.zeros((1, len(places)))
-        drag = p * s.axes[w.name]["sg"][:, None]
-        sums.append([np.vstack([zero, np.cumsum(y, axis=0)]) for y in (drag, z)])
+        drag = w.passed(k, x * s.axes[w.name]["sg"][:, None])
+        sums.append([np.vstack([zero, np.cumsum(y, axis=0)]) for y in (left[:, None] * drag, drag**2)])
         inside = np.pad((x > 0.05).astype(np.intp), ((1, 1), (0, 0)))
         edges.append(inside[1:] - inside[:-1])
     best = _Bump()
@@ -325,9 +319,9 @@ def _finer(w: Whitened, bump: _Bump, keep: Sequence[Floats]) -> tuple[float, flo
     shifts, factors = np.meshgrid([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75], [0.6, 0.8, 1.0, 1.3, 1.7])
     at, width = bump.at + shifts.ravel() * bump.width, factors.ravel() * bump.width
     num, den = np.zeros(len(at)), np.zeros(len(at))
-    for s, x, m, c in zip(w.logs, w.left, w.masks, keep, strict=True):
+    for k, (s, x, c) in enumerate(zip(w.logs, w.left, keep, strict=True)):
         bumps = s.low(np.exp(-(((s.axes[w.name]["q"][:, None] - at) / width) ** 2)))
-        b = w.white(bumps * c[:, None]) * m[:, None] / w.weight
+        b = w.weighed(k, bumps * c[:, None])
         num, den = num + x @ b, den + (b**2).sum(axis=0)
     n = int(np.argmax(num**2 / np.maximum(den, 1e-9)))
     return float(at[n]), float(width[n])

@@ -12,6 +12,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.ground import Ground
 from pinotwin.diagnosis.days.lack import Lack, judged
 from pinotwin.diagnosis.days.places import LONG, Whitened, pulses
+from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
 
@@ -49,19 +50,19 @@ def pushed(g: Ground, j: int) -> list[Floats]:
     p, (sigma, apart), left = g.parts[j][0], g.noise[j], g.left(j)
     v = np.abs(g.samples[0].motion.v[g.samples[0].samples(j), j])
     fast = v > 0.01 * v.max()  # at rest dry friction holds any effort up to its level
-    logs, rows, masks, rest = list[Any](), list[Ints](), list[Floats](), list[Floats]()
+    whitening = Whitening(np.zeros(0), sigma, apart)
+    logs, rows, counts, rest = list[Any](), list[Ints](), list[Floats](), list[Floats]()
     for k in range(int(p.log[-1]) + 1):
         own = np.flatnonzero(p.log == k)
         at = np.round((p.t[own] - p.t[own[0]]) / g.step).astype(np.intp)
         t = np.arange(at[-1] + 1) * g.step
         x, mask = np.zeros((2, len(t)))
-        x[at], mask[at] = left[own] / (sigma * np.sqrt(apart)), fast[own]
+        x[at], mask[at] = left[own] / whitening.weight, fast[own] / whitening.weight
         logs.append(Clock(t, g.step, (t / SETTINGS.cell).astype(np.intp)))
         rows.append(at)
-        masks.append(mask)
+        counts.append(mask)
         rest.append(x)
-    size, weight = g.samples[0].size(j), sigma * float(np.sqrt(apart))
-    view = Whitened(logs, g.c.machine.names[j], np.zeros(0), weight, apart, masks, rest, size)
+    view = Whitened(logs, g.c.machine.names[j], whitening, counts, rest, g.samples[0].size(j))
     found = pulses(view, [(k,) for k in range(len(logs))], 8, LONG if g.c.change else LENGTHS)
     return [
         np.concatenate(

@@ -67,7 +67,7 @@ class Reference:
         out = {}
         for name in self.axes if only is None else only:
             c = s.axes[name]
-            out[name, "plant"] = (c["left"] - self._shared(name, "plant", c)) * c["moving"]
+            out[name, "plant"] = c["left"] - self._shared(name, "plant", c)
             if name in self.laws and "e" in c:
                 r = c["u"] - self.laws[name].effort(c)
                 out[name, "law"] = r - np.median(r)
@@ -160,8 +160,8 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
         left = [x[name, "plant"] for _, x in unseen]
         widths[name], left = _day(r, columns, left)
         table = tables[name, "plant"] = shared_shape(columns, left)
-        left = [x - np.interp(c["q"], *table) * c["moving"] for c, x in zip(columns, left, strict=True)]
-        w = Whitening.measured(left, [c["moving"] for c in columns])
+        left = [x - np.interp(c["q"], *table) for c, x in zip(columns, left, strict=True)]
+        w = Whitening.measured(left, [c["moving"] for c in columns]).turns(left, columns)
         rows = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
         left_over = max(rows - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
         whitenings[name, "plant"] = replace(w, sigma=w.sigma * float(np.sqrt(max(rows / left_over, 1.0))))
@@ -188,11 +188,8 @@ def _day(
 ) -> tuple[dict[str, float], list[Floats]]:
     """Return how far friction, offset, inertia and snap are off on days left out, and what those do not take up."""
     size = rms(np.concatenate([c["u"] for c in columns]))
-    each = [
-        np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) * c["moving"][:, None]
-        for c in columns
-    ]
-    (dry, viscous, offset, inertia, snap), rest = _taken_off(each, left)
+    each = [np.column_stack([c["dry"], c["viscous"], c["one"] * size, c["a"], c["s"]]) for c in columns]
+    (dry, viscous, offset, inertia, snap), rest = _taken_off(each, left, [c["moving"] for c in columns])
     seen = {"dry": dry, "viscous": viscous, "friction": 0.5 * (dry + viscous), "offset": offset}
     seen = {k: min(x, (3.0 * SETTINGS.widths[k]) ** 2) for k, x in seen.items()}
     own = {"inertia": float(np.sqrt(inertia)), "snap": float(np.sqrt(snap)), "effort": size}
@@ -204,17 +201,20 @@ def _between_days(
 ) -> tuple[dict[str, float], list[Floats]]:
     """Return how far zero, scale and give between two encoders are off on days left out, and what is left then."""
     each = [np.column_stack([c["one"], c["q"] - c["q"].mean(), r.twist(name, c)]) for c in columns]
-    (zero, scale, give), rest = _taken_off(each, left)
+    (zero, scale, give), rest = _taken_off(each, left, [c["one"] for c in columns])
     return _mixed(r, {"zero": zero, "scale": scale, "give": give}), rest
 
 
-def _taken_off(columns: Sequence[Floats], left: Sequence[Floats]) -> tuple[Floats, list[Floats]]:
-    """Return the mean squares of what each log needs of columns (n, p), shape (p,), and what they leave."""
+def _taken_off(
+    columns: Sequence[Floats], left: Sequence[Floats], counts: Sequence[Floats]
+) -> tuple[Floats, list[Floats]]:
+    """Return the mean squares of what each log needs of columns (n, p) on rows that count, and what is left."""
     numbers, rest = [], []
-    for X, y in zip(columns, left, strict=True):
-        scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        A = X / scale
-        numbers.append(np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ y) / scale)
+    for X, y, m in zip(columns, left, counts, strict=True):
+        A = X * m[:, None]
+        scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        A /= scale
+        numbers.append(np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ (y * m)) / scale)
         rest.append(y - X @ numbers[-1])
     return np.asarray(np.mean(np.square(numbers), axis=0)), rest
 

@@ -141,7 +141,8 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
     v, a = spline["q"](t, 1), spline["q"](t, 2)
     top = float(np.quantile(np.abs(v), 0.99)) if top is None else top
     goes = np.abs(v) > 0.003 * top
-    near = np.convolve(np.abs(v) < 0.015 * top, np.ones(max(1, int(0.5 * rate / corner(rate)))), "same") > 0
+    reach = np.ones(max(1, int(0.5 * rate / corner(rate))))
+    near = np.convolve(np.abs(v) < 0.015 * top, reach, "same") > 0
     last = np.maximum.accumulate(np.where(goes, np.arange(len(t)), 0))
     sign = np.sign(v) * goes
     out = {
@@ -156,6 +157,7 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
         "du": spline["u"](t, 1),
         "one": np.ones(len(t)),
         "moving": (~near & m.use[:, j]).astype(float),
+        "going": (np.convolve(goes, reach, "same") > 0) * m.use[:, j].astype(float),
     }
     gap = None if m.ql is None else m.ql[:, j] - q
     if gap is not None and np.isfinite(gap).all():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -18,12 +18,13 @@ class Whitening:
 
     Attributes:
         rho: coefficients, shape (order,). sigma: size of what it leaves [unit of the equation].
-        spread: rows of which one is independent.
+        spread: rows of which one is independent. turning: size where an axis turns round, over sigma [1].
     """
 
     rho: Floats
     sigma: float
     spread: float
+    turning: float = np.inf
 
     @property
     def weight(self) -> float:
@@ -35,6 +36,18 @@ class Whitening:
         y = lfilter(np.r_[1.0, -self.rho], [1.0], x, axis=0)
         y[: len(self.rho)] = 0.0
         return np.asarray(y)
+
+    def turns(self, left: Sequence[Floats], columns: Sequence[Mapping[str, Floats]]) -> Whitening:
+        """Return the whitening that knows, too, what healthy logs left, (n,) each, where an axis turns round."""
+        rows = np.concatenate([self(x)[turned(c) > 0.0] for x, c in zip(left, columns, strict=True)])
+        power = (self.sigma**2 + rows @ rows) / max(
+            len(rows) - 5.0 * self.spread, 1e-9
+        )  # few rows tell nothing
+        return replace(self, turning=max(float(np.sqrt(power)) / self.sigma, 1.0))
+
+    def counts(self, c: Mapping[str, Floats], equation: str) -> Floats:
+        """Return what a whitened row of an equation counts, (n,): 1, and less where an axis turns round."""
+        return settled(c["moving"]) + turned(c) / self.turning if equation == "plant" else settled(c["one"])
 
     @classmethod
     def measured(cls, left: Sequence[Floats], masks: Sequence[Floats]) -> Whitening:
@@ -71,3 +84,8 @@ def settled(mask: Floats) -> Floats:
     reach = SETTINGS.order + 1
     total = np.cumsum(np.r_[np.zeros(reach), mask])
     return (total[reach:] - total[:-reach] > SETTINGS.order + 0.5).astype(float)
+
+
+def turned(c: Mapping[str, Floats]) -> Floats:
+    """Return 1 on rows whose past is of an axis that turns round, does not stand, and 0 else, shape (n,)."""
+    return settled(c["going"]) - settled(c["moving"])
