@@ -12,12 +12,13 @@ import pytest
 import pinotwin as pt
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
+from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
 from pinotwin.diagnosis.days.forms import _polished
 from pinotwin.diagnosis.days.judge import evidence, named
 from pinotwin.diagnosis.days.law import Law
-from pinotwin.diagnosis.days.mechanisms import bodies
+from pinotwin.diagnosis.days.mechanisms import READ, bodies
 from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
@@ -432,9 +433,8 @@ def test_rows_where_an_axis_turns_round_count_by_what_healthy_logs_leave_there()
     counts = w.turns([np.where(turns, 3.0 * x, x)], [c]).counts(c, "plant")
     assert sorted(set(counts)) == [0.0, pytest.approx(1.0 / 3.0, rel=0.1), 1.0]
     assert (counts[turns][7:] < 0.5).all()
-    assert (
-        w.turns([x], [{**c, "moving": one}]).counts(c, "plant")[turns].max() < 1e-3
-    )  # no own day has turned
+    none = w.turns([x], [{**c, "moving": one}])  # no own day has turned
+    assert none.counts(c, "plant")[turns].max() < 1e-3
 
 
 def test_a_form_is_searched_between_the_shapes_that_are_tried() -> None:
@@ -448,6 +448,13 @@ def test_a_form_is_searched_between_the_shapes_that_are_tried() -> None:
 
     found = _polished(tried, max(tried, key=gain), gain)
     assert found.shape_values() == pytest.approx((26.0, 0.06), rel=0.15)
+
+
+def test_what_is_in_the_reading_alone_leaves_the_simulated_machine_as_it_was(known_days: Reference) -> None:
+    row = Row("friction_scale", "X", "friction", theta=0.5)
+    for what, same in (("", False), (READ, True)):
+        later, held = changed(known_days.twin, [(replace(row, what=what), "X")], known_days.laws)
+        assert (later is known_days.twin, held) == (same, {"X"})
 
 
 def test_what_a_body_shows_on_no_axis_is_none_of_its_numbers(known_days: Reference) -> None:

@@ -155,16 +155,14 @@ class Answer:
 
     def found(self) -> list[Found]:
         """Return the named causes in the form of the contract, largest first; of several equations one."""
-        out, e = dict[tuple[str, str | None], Found](), self.track.shrinks
+        by, e = dict[tuple[str, str | None], Found](), dict[str | None, Shrink](self.track.shrinks)
         for x in map(self.told, self.named):
-            first = out.get((x.effect, x.axis), x)
-            own = {"e": e[str(x.axis)]} if x.axis in e else {}
-            shrink = {**first.shrink, **x.shrink, **own, **first.shrink}
-            more = [s for s in x.size if x is not first]
-            out[x.effect, x.axis] = replace(
-                first, shrink=shrink, acts={**x.acts, **first.acts}, size=[*first.size, *more]
-            )
-        return sorted(out.values(), key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
+            one = by.setdefault((x.effect, x.axis), x)
+            if one is not x:
+                shrink, acts = {**one.shrink, **x.shrink, **one.shrink}, {**x.acts, **one.acts}
+                by[x.effect, x.axis] = replace(one, shrink=shrink, acts=acts, size=[*one.size, *x.size])
+        out = [replace(x, shrink={**x.shrink, "e": e[x.axis]}) if x.axis in e else x for x in by.values()]
+        return sorted(out, key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
 
     def told(self, x: Named) -> Found:
         """Return a cause in the form of the contract."""

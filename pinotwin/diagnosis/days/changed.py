@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.forms import parts as parts_of
 from pinotwin.diagnosis.days.law import FOLLOWS, Law
+from pinotwin.diagnosis.days.mechanisms import READ
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
 from pinotwin.diagnosis.payload import loaded_twin, physical, plain_body
@@ -31,6 +32,8 @@ def changed(twin: Twin, rows: Sequence[tuple[Row, str]], laws: Mapping[str, Law]
 
 def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | None:
     """Return the twin with one cause; None where its numbers cannot hold it."""
+    if row.what == READ:
+        return twin  # the machine is as it was
     if row.group == "law":
         gains = laws[axis].numbers().get(row.name)
         return None if gains is None else _turned(twin, axis, row.theta * gains)

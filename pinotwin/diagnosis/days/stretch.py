@@ -157,7 +157,7 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
         "du": spline["u"](t, 1),
         "one": np.ones(len(t)),
         "moving": (~near & m.use[:, j]).astype(float),
-        "going": (np.convolve(goes, reach, "same") > 0) * m.use[:, j].astype(float),
+        "going": ((np.convolve(goes, reach, "same") > 0) & m.use[:, j]).astype(float),
     }
     gap = None if m.ql is None else m.ql[:, j] - q
     if gap is not None and np.isfinite(gap).all():

@@ -40,9 +40,8 @@ class Whitening:
     def turns(self, left: Sequence[Floats], columns: Sequence[Mapping[str, Floats]]) -> Whitening:
         """Return the whitening that knows, too, what healthy logs left, (n,) each, where an axis turns round."""
         rows = np.concatenate([self(x)[turned(c) > 0.0] for x, c in zip(left, columns, strict=True)])
-        power = (self.sigma**2 + rows @ rows) / max(
-            len(rows) - 5.0 * self.spread, 1e-9
-        )  # few rows tell nothing
+        few = 5.0 * self.spread  # so many rows tell nothing, as after the five numbers of a day
+        power = (self.sigma**2 + rows @ rows) / max(len(rows) - few, 1e-9)
         return replace(self, turning=max(float(np.sqrt(power)) / self.sigma, 1.0))
 
     def counts(self, c: Mapping[str, Floats], equation: str) -> Floats:
