@@ -12,6 +12,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
+from pinotwin.diagnosis.days.causes import Place, when
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import Case
@@ -134,6 +135,7 @@ def test_an_effort_that_grows_from_nothing_through_the_runs_is_a_drift(folder: P
     found = _asked(folder, twin, "drift", drift={"X": 1.5})
     assert [(e.effect, e.axis) for e in found.effects] == [("offset", "X")]
     assert "grows through the runs" in found.sentence
+    assert found.to_dict()["effects"][0]["course"]["kind"] == "growing"
     size = found.effects[0].size[0]
     assert size.after == pytest.approx(1.5 * 10.0, rel=0.15)
 
@@ -212,6 +214,24 @@ def test_when_a_cause_acts_is_told_by_its_own_columns(
     for (_, a, b), (begin, end) in zip(found, when, strict=True):
         assert a == pytest.approx(begin, abs=0.3)
         assert b == pytest.approx(end, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "since", "told"),
+    [
+        ("coulomb", [], {"kind": "always"}),
+        ("friction_since", [4.0], {"kind": "since", "from": 4.0}),
+        ("friction_at_start", [0.3, 0.02], {"kind": "after", "event": "start", "time_constant": 0.3}),
+        ("torque_fades", [], {"kind": "growing", "from": 0.0}),
+    ],
+)
+def test_a_cause_has_a_course_in_the_time_of_the_log(
+    known_days: Reference, name: str, since: list[float], told: dict[str, object]
+) -> None:
+    s = known_days.logs[0]
+    begin = float(s.motion.t[0])
+    found = when(Row(name, "X", "onset", since=since), Place(known_days, "X", [s]))
+    assert found == {k: begin + x if k == "from" else x for k, x in told.items()}
 
 
 def test_a_change_that_no_row_tells_is_in_the_middle_of_them() -> None:

@@ -53,7 +53,10 @@ def sure(found: Lacking) -> list[str]:
 
 @pytest.mark.parametrize("seed", [0, 10])
 def test_nothing_is_missing_in_a_machine_that_lists_what_it_has(ask: Ask, seed: int) -> None:
-    assert said(ask(lambda t, q, v: np.zeros_like(t), logs=3, seed=seed)) == []
+    found = ask(lambda t, q, v: np.zeros_like(t), logs=3, seed=seed)
+    assert said(found) == []
+    searched = {x.name for x in found.turns[0].ranked} & {"ripple", "hum", "backlash", "speed_ripple"}
+    assert searched == set()  # for an axis that leaves nothing
 
 
 def test_drag_is_missing_and_takes_its_numbers_from_no_friction_that_went_to_its_bound(ask: Ask) -> None:

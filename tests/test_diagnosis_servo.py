@@ -28,8 +28,12 @@ LAW = {
 }
 
 
-def record(urdf_dir, path, seed, *inject):
+def record(urdf_dir, path, seed, *inject, **gains):
+    """Return the log of a drive with faults, and with other gains of its controller."""
     virtual = VirtualMachine.load(urdf_dir / "emps", inject=inject)
+    axis = virtual.truth.axes["X"]
+    axis = dataclasses.replace(axis, controller=dataclasses.replace(axis.controller, **gains))
+    virtual = dataclasses.replace(virtual, truth=dataclasses.replace(virtual.truth, axes={"X": axis}))
     return virtual.record(random_trajectory(virtual, 8.0, path), seed=seed).to_log()
 
 
@@ -166,3 +170,12 @@ def test_an_integrator_that_stops_is_named(twin, urdf_dir):
     said = diagnose(twin, Log({**log.channels, "X.qr": log["X.qr"] + lost}, source="lost.csv"))
     assert [(e.effect, e.axis) for e in said.effects] == [("integral", "X")]
     assert said.effects[0].size[0].after == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.9])
+def test_a_tenth_of_a_feed_forward_is_told_with_its_size(machine, urdf_dir, share):
+    own = [record(urdf_dir, path, path, acceleration_feedforward=1.0) for path in (7, 9)]
+    log = record(urdf_dir, 8, 11, acceleration_feedforward=share)
+    found = diagnose(identify(machine, own, loop=False), log)
+    assert [e.effect for e in found.effects] == ["acceleration_feedforward"] * (share < 1.0)
+    assert all(e.size[0].after == pytest.approx(share, abs=0.01) for e in found.effects)

@@ -53,8 +53,8 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_044,
-    module_numbers: 105,
+    lines: 55_036,
+    module_numbers: 104,
     numbers_without_unit: 291,
     stories: 5,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +20,7 @@ from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
+HIDDEN = ("traces", "subject", "commands", "prepared", "sealed")  # what diagnosis.json does not hold
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,8 @@ class Found:
     listed: Effect | None = field(default=None, repr=False)
     # axis -> how far its effort's residual falls by the effect alone, of every axis that the effect acts on
     acts: Mapping[str, Shrink] = field(default_factory=dict)
+    # when it acts: ``kind`` (always, since, growing, after), ``from`` and ``time_constant`` [s], ``event``
+    course: Mapping[str, Any] = field(default_factory=lambda: {"kind": "always"})
 
 
 @dataclass(frozen=True)
@@ -279,38 +282,24 @@ class Diagnosis(Drawn):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json, in JSON's own types."""
+        gap = {
+            a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
+            for a, row in self.gap.items()
+        }
         out = plain(
             {
                 "schema": 2,
-                "verdict": self.verdict,
-                "sentence": self.sentence,
-                "gap": {
-                    a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
-                    for a, row in self.gap.items()
-                },
+                **{f.name: getattr(self, f.name) for f in fields(self) if f.name not in HIDDEN},
+                "gap": gap,
                 "where": [
                     {k: v for k, v in vars(r).items() if k != "other" or v is not None} for r in self.where
                 ],
                 "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [],
-                "confusable": [list(group) for group in self.confusable],
                 "state": {a: self.state(a) for a in self.gap},
-                "unexplained": {a: dict(row) for a, row in self.unexplained.items()},
-                "remains": dict(self.remains),
-                "noise": self.noise,
                 "confidence_calibrated": not self.quick,
-                "advice": list(self.advice),
-                "warnings": list(self.warnings),
-                "differs": list(self.differs),
-                "recording": [dict(x) for x in self.recording],
-                "detectable": [dict(x) for x in self.detectable],
-                "evidence": [dict(x) for x in self.evidence],
-                "situation": self.situation,
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
-                "quick": self.quick,
-                "machine": self.machine,
-                "provenance": dict(self.provenance),
             }
         )
         assert isinstance(out, dict)
@@ -357,20 +346,9 @@ class Diagnosis(Drawn):
 
 def _effect(e: Found) -> dict[str, Any]:
     sizes = [{"interval90" if k == "interval" else k: v for k, v in vars(x).items()} for x in e.size]
-    return {
-        "effect": e.effect,
-        "axis": e.axis,
-        "confidence": e.confidence,
-        "shape": dict(e.shape),
-        "theta": dict(e.theta),
-        "size": sizes[0] if sizes else None,
-        "sizes": sizes,
-        "shrink": _shrinks(e),
-        "acts": {axis: _shrink(x) for axis, x in e.acts.items()},
-        "alternatives": [dict(a) for a in e.alternatives],
-        "moves": {k: list(v) for k, v in e.moves.items()},
-        "gain": e.gain,
-    }
+    own = {k: v for k, v in vars(e).items() if k != "listed"}
+    acts = {axis: _shrink(x) for axis, x in e.acts.items()}
+    return {**own, "size": sizes[0] if sizes else None, "sizes": sizes, "shrink": _shrinks(e), "acts": acts}
 
 
 def _shrinks(e: Found) -> dict[str, Any]:

@@ -31,7 +31,7 @@ class Rules:
     """[of the effort's variation] What a good model of a healthy axis leaves: the floor of a structure question."""
 
     unsure: float = 3.0
-    """[standard errors] Of the twin's effort, by which it may be off beside its misfit where it has hardly been."""
+    """[standard errors] Of the twin's effort where it has hardly been, and of friction from day to day."""
 
     knows: float = 0.95
     """[of the effort's variation] Misfit from which a twin knows nothing of an axis."""

@@ -388,10 +388,10 @@ def by_days(c: Comparison, joint: int) -> float:
     return max([RULES.scatter, *days.get(c.machine.names[joint], {}).values()])
 
 
-def scatter(c: Comparison, joint: int, most: float) -> float:
-    """Return the RMS by which friction differs from the twin's [N or N·m], by ``most`` of it [1] in every stretch.
+def scatter(c: Comparison, joint: int, usual: float) -> float:
+    """Return the RMS by which friction differs from the twin's [N or N·m], as on a healthy day, in every stretch.
 
-    Dry and viscous friction differ each by itself: an axis that is warmer drags less, and holds as ever.
+    ``usual``: RMS over days, of it [1]. What is off by more than three of these is less and less a healthy day's.
     """
     left, rows, rubs = c.new.residual[joint], c.new.samples(joint), c.rubs[joint]
     power = 0.0
@@ -399,5 +399,6 @@ def scatter(c: Comparison, joint: int, most: float) -> float:
         here = (rows >= part.start) & (rows < part.stop)
         if rubs[here].any():
             more = rms(rubs[here] @ np.linalg.lstsq(rubs[here], left[here], rcond=None)[0])
-            power += here.sum() * min(more, most * rms(rubs[here].sum(axis=1))) ** 2
+            size = usual * rms(rubs[here].sum(axis=1))
+            power += here.sum() * min(more, max((RULES.unsure * size) ** 2 / max(more, 1e-300), size)) ** 2
     return float(np.sqrt(power / max(len(left), 1)))

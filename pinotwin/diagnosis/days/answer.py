@@ -19,7 +19,7 @@ from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unj
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged, unsure_words
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows
-from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, plain_row, regions, sizes, unit_of
+from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, plain_row, regions, sizes, unit_of, when
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
@@ -201,6 +201,7 @@ class Answer:
             size=told,
             acts=acts,
             listed=None if row.form is None else named(row.form),
+            course=when(row, at),
         )
 
     def adds(self, x: Named) -> bool:

@@ -239,6 +239,15 @@ def regions(row: Row, at: Place) -> list[Region]:
     return out
 
 
+def when(row: Row, at: Place) -> dict[str, Any]:
+    """Return when a cause acts, in the log's own time [s]."""
+    if row.name == "friction_at_start":
+        return {"kind": "after", "event": "start", "time_constant": row.since[0]}
+    begun = [float(at.logs[k].motion.t[0] + a) for k, a, _ in _begun(row, at)]
+    kind = "growing" if row.name in GROWS else "since" if begun else "always"
+    return {"kind": kind, "from": begun[0]} if begun else {"kind": kind}
+
+
 def _begun(row: Row, at: Place) -> list[tuple[int, float, float]]:
     """Return stretch, begin and end of what begins within a run or grows through it."""
     if row.name in GROWS:

@@ -418,6 +418,10 @@ class Ground:
         misfit = own.level(j) if self.c.change and own is not None else 0.0
         return max(share, misfit / max(self.samples[0].size(j), 1e-300))
 
+    def loud(self, j: int) -> bool:
+        """Whether a joint leaves as much as the least cause that acts all the time, and the misfit beside it."""
+        return self.open(j) > np.hypot(self.least(j, 0.0), self.least(j, self.c.worth))
+
     def open(self, j: int) -> float:
         """Return what is left of a joint over the variation of its effort, RMS [1]."""
         count, size = len(self.parts[j][0].left), self.samples[0].size(j)

@@ -71,10 +71,7 @@ class Scored:
 
 
 def score(
-    use: Sequence[tuple[Cells, Ints]],
-    count: int,
-    prior: Floats | None = None,
-    fixed: Floats | None = None,
+    use: Sequence[tuple[Cells, Ints]], count: int, prior: Floats | None = None, fixed: Floats | None = None
 ) -> Scored:
     """Return the score of a cause, at the likelier of two maxima: about nothing, and about what equal weights tell.
 

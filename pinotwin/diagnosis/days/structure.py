@@ -18,7 +18,7 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.patterns import Curve, patterns
 from pinotwin.diagnosis.data.comparison import Comparison, foretells
 from pinotwin.diagnosis.days.ground import Ground, Tables
-from pinotwin.diagnosis.days.lack import Lack, judged, kin
+from pinotwin.diagnosis.days.lack import BODIES, Lack, judged, kin
 from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.pushed import chance, pushed, pushes_of
 from pinotwin.diagnosis.days.rows import least_share
@@ -38,7 +38,6 @@ WIDTH = 8.0
 STRONGER = 2.5  # Times what a twin's own strongest push closes, squared, that one of a change must close
 LAPSE = 0.04  # Of the names that were wrong whatever their score: 5 of 125 on known machines
 FEW = 3  # Numbers by which nobody follows any rest of a form
-QUIET = 0.003  # Of the effort's variation, RMS: an axis that leaves less is not asked
 
 
 class Finder:
@@ -58,13 +57,16 @@ class Finder:
 
     def ranked(self, g: Ground, axis: str | None = None) -> list[Lack]:
         """Return the best candidate of every name and axis, or of one axis, shapes polished, best first."""
-        quiet = {self.c.machine.names[j] for j in g.parts if g.open(j) < QUIET or not foretells(self.c, j)}
+        names = self.c.machine.names
+        off = {names[j] for j in g.parts if not foretells(self.c, j)}
+        quiet = {names[j] for j in g.parts if not g.loud(j)}
         changed = set(g.found[-1][0][0]) if g.found else set(g.parts)
         best: dict[tuple[str, str], Lack] = {}
         asked = [(key, self._instances) for key in self.groups]
-        asked += [(("external_force", self.c.machine.names[j]), self._pushes) for j in g.parts if self.pushed]
+        asked += [(("external_force", names[j]), self._pushes) for j in g.parts if self.pushed]
         for key, look in asked:
-            if key[1] in quiet or axis not in (None, key[1]):
+            few = len(self.groups.get(key, ())) <= KEPT or key[0] in BODIES  # no search, or shows elsewhere
+            if key[1] in off or axis not in (None, key[1]) or (key[1] in quiet and not few):
                 continue
             if axis is not None or key not in self.kept or self.kept[key][0] & changed:
                 self.kept[key] = look(g, key)
