@@ -230,8 +230,11 @@ def test_a_cause_has_a_course_in_the_time_of_the_log(
 ) -> None:
     s = known_days.logs[0]
     begin = float(s.motion.t[0])
-    found = when(Row(name, "X", "onset", since=since), Place(known_days, "X", [s]))
-    assert found == {k: begin + x if k == "from" else x for k, x in told.items()}
+    row, at = Row(name, "X", "onset", since=since), Place(known_days, "X", [s])
+    assert when(row, at) == {k: begin + x if k == "from" else x for k, x in told.items()}
+    assert (
+        when(replace(row, spans=[(0, 1.0, 2.0)]), at) == {}
+    )  # what comes at instants has its place in `where`
 
 
 def test_a_change_that_no_row_tells_is_in_the_middle_of_them() -> None:

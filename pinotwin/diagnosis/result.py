@@ -138,8 +138,8 @@ class Found:
     listed: Effect | None = field(default=None, repr=False)
     # axis -> how far its effort's residual falls by the effect alone, of every axis that the effect acts on
     acts: Mapping[str, Shrink] = field(default_factory=dict)
-    # when it acts: ``kind`` (always, since, growing, after), ``from`` and ``time_constant`` [s], ``event``
-    course: Mapping[str, Any] = field(default_factory=lambda: {"kind": "always"})
+    # when it acts: ``kind`` (always, since, growing, after), ``from`` and ``time_constant`` [s], ``event``; or not told
+    course: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -282,15 +282,14 @@ class Diagnosis(Drawn):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json, in JSON's own types."""
-        gap = {
-            a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
-            for a, row in self.gap.items()
-        }
         out = plain(
             {
                 "schema": 2,
                 **{f.name: getattr(self, f.name) for f in fields(self) if f.name not in HIDDEN},
-                "gap": gap,
+                "gap": {
+                    a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
+                    for a, row in self.gap.items()
+                },
                 "where": [
                     {k: v for k, v in vars(r).items() if k != "other" or v is not None} for r in self.where
                 ],

@@ -391,7 +391,7 @@ def by_days(c: Comparison, joint: int) -> float:
 def scatter(c: Comparison, joint: int, usual: float) -> float:
     """Return the RMS by which friction differs from the twin's [N or N·m], as on a healthy day, in every stretch.
 
-    ``usual``: RMS over days, of it [1]. What is off by more than three of these is less and less a healthy day's.
+    ``usual``: RMS over days, of it [1]. Of what is off by more than some of these (RULES.unsure), less and less.
     """
     left, rows, rubs = c.new.residual[joint], c.new.samples(joint), c.rubs[joint]
     power = 0.0
@@ -400,5 +400,6 @@ def scatter(c: Comparison, joint: int, usual: float) -> float:
         if rubs[here].any():
             more = rms(rubs[here] @ np.linalg.lstsq(rubs[here], left[here], rcond=None)[0])
             size = usual * rms(rubs[here].sum(axis=1))
-            power += here.sum() * min(more, max((RULES.unsure * size) ** 2 / max(more, 1e-300), size)) ** 2
+            most = max((RULES.unsure * size) ** 2 / max(more, 1e-300), size)
+            power += here.sum() * min(more, most) ** 2
     return float(np.sqrt(power / max(len(left), 1)))

@@ -240,7 +240,9 @@ def regions(row: Row, at: Place) -> list[Region]:
 
 
 def when(row: Row, at: Place) -> dict[str, Any]:
-    """Return when a cause acts, in the log's own time [s]."""
+    """Return when a cause acts, in the log's own time [s]; nothing of what comes at instants: see :func:`regions`."""
+    if row.spans:
+        return {}
     if row.name == "friction_at_start":
         return {"kind": "after", "event": "start", "time_constant": row.since[0]}
     begun = [float(at.logs[k].motion.t[0] + a) for k, a, _ in _begun(row, at)]

@@ -48,7 +48,7 @@ def cells(
             x = w(x) / sigma * counts[:, None] / np.sqrt(w.spread)
             lost = np.log(max(float(np.std(s.axes[name]["u"])) / w.sigma, 1.0)) + 0.5 if silent else None
             for on in (counts == 1.0, (counts > 0.0) & (counts < 1.0)):
-                parts += _summed(x, on, (s.cell, k), w.spread, lost)
+                parts += _summed(x, on, s.cell, k, w.spread, lost)
         if parts:
             gram, rows, log, fold, constant = map(np.array, zip(*parts, strict=True))
             out[equation] = Cells(gram, rows, log, fold, constant, days[0][equation].shape[1], at)
@@ -74,12 +74,11 @@ _Cell = tuple[Floats, float, int, int, float]
 """Gram matrix, independent rows, log, fold, and what is added to the log density [nats]."""
 
 
-def _summed(x: Floats, on: Mask, at: tuple[Ints, int], spread: float, lost: float | None) -> Iterator[_Cell]:
+def _summed(x: Floats, on: Mask, cell: Ints, log: int, spread: float, lost: float | None) -> Iterator[_Cell]:
     """Yield the cells of one kind of rows of a stretch from its whitened columns, residual last.
 
-    ``at``: cell of every row, and the log; ``lost``: what a row costs that tells nothing [nats].
+    ``cell``: of every row; ``lost``: what a row costs that tells nothing [nats].
     """
-    cell, log = at
     for a, b in pairwise(np.flatnonzero(np.r_[True, np.diff(cell) != 0, True])):
         rows, count = on[a:b], float(on[a:b].sum()) / spread
         if count >= 0.5:

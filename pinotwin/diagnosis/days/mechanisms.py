@@ -221,9 +221,8 @@ def bodies(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
     for link in r.axes:
         values = Payload(link).bound(tree).columns(s.motion).values[:, list(at.values())]
         body = np.concatenate([values[..., :4], values[..., [4, 6, 9]].sum(axis=2, keepdims=True)], axis=2)
-        body *= (np.abs(body).max(axis=0) > 1e-6 * efforts).any(
-            axis=0
-        )  # less is the rounding of a URDF's angles
+        told = np.abs(body).max(axis=0) > 1e-6 * efforts  # less is the rounding of a URDF's angles
+        body *= told.any(axis=0)
         cause = "payload" if link == r.axes[-1] else f"payload:{link}"
         out[cause] = {k: s.taken(body[:, j]) for j, k in enumerate(at)}
     return out
