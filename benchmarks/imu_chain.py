@@ -19,9 +19,9 @@ from pinotwin.imu.filters import group_delay
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines
 from pinotwin.reconstruction import Vibration, reconstruct_vibration
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
-from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = 180.0 / np.pi
 

@@ -28,12 +28,12 @@ from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import reconstruct_vibration
+from pinotwin.trajectories.moves import Trajectory, random_trajectory
+from pinotwin.trajectories.profiles import chain
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import channels, link_motion, sensor
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor
-from pinotwin.virtual.profiles import chain
 from pinotwin.virtual.recording import Recording
-from pinotwin.virtual.trajectories import Trajectory, random_trajectory
 
 DEG = np.pi / 180.0
 LINK = "C_link"

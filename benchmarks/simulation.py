@@ -18,10 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks._timing import best
+from pinotwin.trajectories.moves import Trajectory
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE, control_step
-from pinotwin.virtual.trajectories import Trajectory
 
 FOLDER = Path(__file__).resolve().parents[1] / "urdf" / "laser_driller"
 PERIOD = 1.0 / 4000.0

@@ -19,9 +19,9 @@ from benchmarks._imu_methods import methods
 from pinotwin.imu.filters import high_passed
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Vibration, reconstruct_vibration
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu, sensor
-from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = 180.0 / np.pi
 FAULTS = {"drop": 0.01, "holes": ((8.0, 8.2),)}

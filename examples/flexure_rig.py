@@ -18,9 +18,9 @@ import pinotwin as pt
 from pinotwin.analysis.modal import modes
 from pinotwin.imu.filters import high_passed
 from pinotwin.reconstruction import identify_flexible
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
-from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = 180.0 / np.pi
 

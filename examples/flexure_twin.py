@@ -20,9 +20,9 @@ from pinotwin.reconstruction import with_vibration
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
 from pinotwin.simulation.score import compare as compared
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
-from pinotwin.virtual.trajectories import random_trajectory
 
 sys.path.insert(0, str(Path(__file__).parent))
 import rig_moves

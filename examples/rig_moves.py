@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 import pinotwin as pt
-from pinotwin.virtual.axis_truth import Limits
+from pinotwin.trajectories.moves import Limits, Trajectory, rest
+from pinotwin.trajectories.profiles import chain, move_pieces, move_time
 from pinotwin.virtual.machine import VirtualMachine
-from pinotwin.virtual.profiles import chain, move_pieces, move_time
 from pinotwin.virtual.run import load_arrays
-from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse
 
 DEG = np.pi / 180.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,14 @@ import pytest
 import pinotwin as pt
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
+from pinotwin.diagnosis.conclusion.explained import Closed
+from pinotwin.diagnosis.days.answer import Answer
 from pinotwin.diagnosis.days.causes import Place, when
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import acting, onset, spells
-from pinotwin.diagnosis.days.decision import Case
+from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case
 from pinotwin.diagnosis.days.forms import _polished
-from pinotwin.diagnosis.days.judge import evidence, named
+from pinotwin.diagnosis.days.judge import Named, evidence, named
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import READ, bodies
 from pinotwin.diagnosis.days.places import instants
@@ -134,7 +137,7 @@ def test_a_motor_that_gives_less_is_an_effort_scale_and_no_change_of_the_control
 def test_an_effort_that_grows_from_nothing_through_the_runs_is_a_drift(folder: Path, twin: pt.Twin) -> None:
     found = _asked(folder, twin, "drift", drift={"X": 1.5})
     assert [(e.effect, e.axis) for e in found.effects] == [("offset", "X")]
-    assert "grows through the runs" in found.sentence
+    assert "grows with time" in found.sentence
     assert found.to_dict()["effects"][0]["course"]["kind"] == "growing"
     size = found.effects[0].size[0]
     assert size.after == pytest.approx(1.5 * 10.0, rel=0.15)
@@ -157,7 +160,7 @@ def _pulses(what: str, score: float, spread: float, worth: float) -> Row:
 def test_pulses_within_the_noise_of_the_effort_are_none_where_they_are_in_the_reading(
     rows: list[Row], stand: int
 ) -> None:
-    assert len(Case.of(rows, {}, {"X": 0.08}, 2, first=True).causes) == stand
+    assert len(Case.of(rows, {}, {"X": 0.08}, 2).causes) == stand
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +184,9 @@ def test_a_change_is_sought_among_the_effects_of_the_catalogue(known_days: Refer
     forms = {"stribeck", "hysteresis", "position_table", "encoder_error"}
     assert forms | {"inertial_coupling", "payload", "payload:X"} <= set(tried)
     assert "presliding" not in tried  # dry friction by another law
+    plain = Asked(Question.of(known_days, known_days.logs[:1]), search=False).tried.columns["X"][0]
+    assert not forms & set(plain)
+    assert set(plain) < set(tried)
 
 
 def test_a_body_is_named_on_the_link_that_carries_it() -> None:
@@ -296,11 +302,49 @@ def test_a_screen_names_one_cause_at_most(folder: Path, twin: pt.Twin) -> None:
 
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:
     rows = [_friction("friction_scale", 60.0), _friction("coulomb", 59.5), _friction("viscous", 20.0)]
-    case = Case.of(rows, {}, {"X": 0.01}, 2, first=True)
+    case = Case.of(rows, {}, {"X": 0.01}, 2)
     found = named(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]), 0)
     assert found.row.name == "friction_scale"
     assert found.probability == pytest.approx(0.94 / 0.98)
     assert [r.name for r in found.alike] == ["coulomb"]
+
+
+def test_what_nothing_found_acts_on_is_as_open_as_before() -> None:
+    at = {"X plant": 9.0, "A plant": 4.0}
+
+    def open_to_nothing(touched: tuple[str, ...]) -> float:
+        case = Case.of([_friction("coulomb", 50.0)], at, {"X": 0.01}, 2, touched)
+        return float(case.features({})[0, len(FEATURES) + len(GROUP_NAMES) + 1])
+
+    whole, other, none = map(open_to_nothing, [(), ("X plant",), ("X plant", "A plant")])
+    assert whole == pytest.approx(np.arcsinh(9.0 - 1.5))
+    assert other == pytest.approx(np.arcsinh(4.0 - 1.5))
+    assert none == 0.0
+
+
+@pytest.mark.parametrize(
+    ("second", "named_too"),
+    [
+        (0.045, True),
+        (0.025, False),
+        (0.005, False),
+    ],  # of 5 % that are left: nearly all, half, less than a word
+)
+def test_a_small_cause_is_named_beside_a_large_one_if_it_closes_what_that_leaves(
+    second: float, named_too: bool
+) -> None:
+    def closed(share: float) -> Closed:
+        return Closed(np.ones(1), np.array([share]), share, "validation")
+
+    large, small = (Named(_friction(k, 50.0), 0.9, []) for k in ("coulomb", "viscous"))
+    answer: Any = SimpleNamespace(
+        closed={"X": [(large, closed(0.95)), (small, closed(second))]},
+        between={},
+        named=[large, small],
+        c=SimpleNamespace(worth=0.01),
+    )
+    assert Answer.adds(answer, large)
+    assert Answer.adds(answer, small) == named_too
 
 
 def _friction(name: str, score: float) -> Row:
@@ -516,9 +560,7 @@ def test_a_score_finds_the_number_of_loud_cells_beside_quiet_ones_that_it_leaves
 
 
 def test_an_onset_is_found_to_the_row() -> None:
-    from types import SimpleNamespace
-
     t = np.arange(0.0, 10.0, 0.008)
     course = np.sin(3.0 * t)
     left = course * (t > 6.4) + 0.05 * np.random.default_rng(4).standard_normal(len(t))
-    assert onset(SimpleNamespace(t=t), course, left, level=False) == pytest.approx(6.4, abs=0.1)  # type: ignore[arg-type]
+    assert onset(SimpleNamespace(t=t), course, left, np.zeros((len(t), 0))) == pytest.approx(6.4, abs=0.1)  # type: ignore[arg-type]

@@ -25,11 +25,13 @@ def _day(
     give: float = 1.0,
     wave: float = 0.0,
     worn: float = 0.0,
+    jumps: float = 0.0,
 ) -> Log:
     """Return a day's log with a scale on the load; what grows is 1 - exp(-t / 6 s), from a bearing at -0.4 m.
 
     A ``wave`` repeats every 16 mm of the scale; what is ``worn`` is 0.1 m long.
-    A load that ``floats`` lies on the side to which friction and inertia push it, and anywhere between at rest.
+    A load ``jumps`` after 3 s and after 5 s. One that ``floats`` lies on the side to which friction and inertia push
+    it, and anywhere between at rest.
     """
     log, rng = run(Day(command=command, noise=noise)), np.random.default_rng(noise)
     q, t = log["X.q"], log["t"]
@@ -37,6 +39,7 @@ def _day(
     side = np.sign(v[np.maximum.accumulate(np.where(np.abs(v) > 1e-3, np.arange(len(v)), 0))])
     drive = (log["X.u"] - 0.5 * FRICTION * np.tanh(v / 1e-3)) / STIFFNESS
     twist = give * drive + 0.5 * (PLAY + play) * side + moved
+    twist += jumps * ((t > 3.0) + 1.0 * (t > 5.0))
     twist += 0.5 * floats * _rests(drive, v, np.random.default_rng([noise, 1]))
     off = (LEAD + scale + 4e-6 * rng.standard_normal()) * q + BOW * (1.0 - (q / 0.25) ** 2)
     off += grows * (1.0 - np.exp(-t / 6.0)) * (q + 0.4) + 1e-6 * rng.standard_normal()
@@ -90,6 +93,15 @@ def test_a_load_that_moved_before_the_log_began_is_told_from_where_it_stood_on_h
     found = _asked(twin, moved=moved)
     assert [(e.effect, e.axis) for e in found.effects] == [("encoder_step", "X")]
     assert found.effects[0].theta["step"] == pytest.approx(-moved, rel=0.1)
+
+
+def test_two_steps_are_one_cause_with_what_both_close(twin: pt.Twin) -> None:
+    found = pt.diagnose(twin, _day(30, 40, jumps=2e-3))
+    (step,) = found.effects
+    assert (step.effect, step.axis, step.course["kind"]) == ("encoder_step", "X", "since")
+    assert [s.after for s in step.size] == pytest.approx([-2e-3, -2e-3], rel=0.05)
+    assert step.shrink["ql"].after < 0.1 * step.shrink["ql"].before
+    assert "begins within the run" in found.sentence
 
 
 def test_a_zero_that_is_set_anew_every_day_tells_nothing(twin: pt.Twin) -> None:

@@ -14,8 +14,8 @@ from pinotwin.identification import Settings, identify
 from pinotwin.identification.bending import bend_all, find_bending
 from pinotwin.machine import Machine
 from pinotwin.signals import rms
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
-from pinotwin.virtual.trajectories import random_trajectory
 from tests.test_examples import example
 
 rig_moves = example("rig_moves")

@@ -17,9 +17,9 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine
-from pinotwin.virtual.trajectories import random_trajectory
 from tests.simulated import known_twin
 from tests.test_examples import example
 

@@ -16,10 +16,10 @@ from pinotwin.diagnosis import diagnose
 from pinotwin.log import Log
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.trajectories import random_trajectory
 from tests.conftest import ROOT
 from tests.test_examples import example
 

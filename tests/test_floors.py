@@ -27,6 +27,7 @@ FLOORS = {
     "log": 2,
     "motion": 2,
     "dynamics": 2,
+    "trajectories": 2,
     "effects": 3,
     "solve": 3,
     "virtual": 3,

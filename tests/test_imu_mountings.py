@@ -12,8 +12,8 @@ from benchmarks import imu_mountings as bench
 from pinotwin.errors import DataError
 from pinotwin.reconstruction import reconstruct_vibration
 from pinotwin.solve.sandwich import at_least, left_out
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual.recording import Recording
-from pinotwin.virtual.trajectories import random_trajectory
 
 
 @pytest.mark.parametrize("case", [4, 17, 32])

@@ -6,8 +6,8 @@ import numpy as np
 
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
+from pinotwin.trajectories.moves import Trajectory, random_trajectory
 from pinotwin.virtual import VirtualMachine
-from pinotwin.virtual.trajectories import Trajectory, random_trajectory
 from pinotwin.virtual.truth import Pulse
 from tests.conftest import ROOT
 from tests.test_examples import example

@@ -23,9 +23,9 @@ from pinotwin.reconstruction.document import document
 from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import bound, pieces
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import channels, link_motion, record_imu, sensor
-from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = np.pi / 180
 SECONDS = 11.5

@@ -14,10 +14,10 @@ from pinotwin.imu.filters import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Vibration, identify_flexible, reconstruct_vibration
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.folder import read_folder
 from pinotwin.virtual.imu import record_imu
-from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = np.pi / 180
 STIFFNESS, DAMPING = 61491.1, 48.933  # sealed truth of urdf/flexure_rig/virtual.yaml

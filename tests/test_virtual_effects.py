@@ -132,7 +132,7 @@ def test_without_coupling_an_axis_at_rest_feels_nothing(plain):
 
 
 def random_rest(machine):
-    from pinotwin.virtual.trajectories import rest
+    from pinotwin.trajectories.moves import rest
 
     return rest(float(np.mean(machine.limits["Y"].travel)))
 

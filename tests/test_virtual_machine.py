@@ -11,11 +11,11 @@ from scipy.interpolate import CubicSpline
 from pinotwin.dynamics import frame_rotation
 from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.write import write_log
+from pinotwin.trajectories.moves import Trajectory, rest
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
 from pinotwin.virtual.folder import Folder, read_folder, read_truth
 from pinotwin.virtual.imu import link_motion
-from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
 from tests.true_poles import closed_loop_poles
 from tests.virtual_motion import inverse_dynamics

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pinotwin.errors import DataError
-from pinotwin.virtual.axis_truth import Limits
-from pinotwin.virtual.profiles import chain, move_pieces, move_time
-from pinotwin.virtual.trajectories import (
+from pinotwin.trajectories.moves import (
+    Limits,
     constant_speeds,
     multisine,
     random_trajectory,
     replay,
     slow_reversals,
 )
+from pinotwin.trajectories.profiles import chain, move_pieces, move_time
 
 # Table 6-2 of the thesis, SI.
 RIG = {

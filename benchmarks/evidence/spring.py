@@ -14,9 +14,9 @@ from benchmarks.evidence.store import Figure
 from benchmarks.vibration import rig
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import identify_flexible, reconstruct_vibration
+from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
-from pinotwin.virtual.trajectories import random_trajectory
 
 SEEDS = "1 to 8, commands 201 to 208; looked at"
 SLOW = True

@@ -47,7 +47,8 @@ class Asked:
                 (r, False) for r, _ in every if r.group == "describe" or not any(_kin(r, g) for g in good)
             ]
         opened = line["open"] if first else line["second"][0]["open"]
-        self.case = Case.of([r for r, _ in every], opened, line["noise"], line["logs"], first=first)
+        touched = () if first else line["second"][0]["touched"]
+        self.case = Case.of([r for r, _ in every], opened, line["noise"], line["logs"], touched)
         right = {id(r) for r, yes in every if yes}
         self.right = [k + 2 for k, r in enumerate(self.case.causes) if id(r) in right]
         best = max((self.case.causes[k - 2].score for k in self.right), default=-99.0)

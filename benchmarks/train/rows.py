@@ -169,7 +169,8 @@ def _line(q: Question, is_right: Callable[[Row], bool], **what: Any) -> dict[str
     second = []
     if good:
         beside, more, _ = evidence(q, good[:1])
-        second = [{"beside": [good[0].name, good[0].axis], "open": dict(beside.open), "rows": kept(more)}]
+        one = {"beside": [good[0].name, good[0].axis], "touched": sorted(beside.touched)}
+        second = [{**one, "open": dict(beside.open), "rows": kept(more)}]
     return {**line, "second": second}
 
 

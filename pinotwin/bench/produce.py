@@ -14,9 +14,9 @@ from pinotwin.bench.plants import Placed, public_machine, virtual
 from pinotwin.bench.ratio import Powers, Run, left_of, noise_powers, over, powers, run
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.trajectories.moves import Trajectory
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.trajectories import Trajectory
 
 DWELL = (0.03, 0.25)  # shortest and longest rest between moves [s]: short logs have no time to waste
 

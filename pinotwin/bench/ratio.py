@@ -17,8 +17,8 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.trajectories.moves import Trajectory
 from pinotwin.virtual import VirtualMachine
-from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.withholding import changed
 
 Powers = Mapping[str, Mapping[str, float]]  # axis -> signal (``u``, ``e``) -> power [SI²]

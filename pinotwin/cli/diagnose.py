@@ -92,14 +92,8 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
     subject = _loaded(asked)
     from pinotwin.diagnosis import diagnose
 
-    began = time.monotonic()
-    found = diagnose(
-        subject,
-        read_logs(names),
-        validate=read_logs(asked.validate) or None,
-        report=report,
-        **asked.options,
-    )
+    began, unseen = time.monotonic(), read_logs(asked.validate) or None
+    found = diagnose(subject, read_logs(names), validate=unseen, report=report, **asked.options)
     return replace(found, provenance={**found.provenance, **stamp(began)})
 
 

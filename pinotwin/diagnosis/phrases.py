@@ -112,20 +112,17 @@ def shop_range(region: Region) -> tuple[str, str, str]:
     return first, last, unit
 
 
-def follows(name: str, what: str, since: Sequence[float]) -> str:
-    """Return what a cause follows, in words; empty for what acts always. ``since``: instants or spells [s]."""
-    long = f"{since[0]:.2g} s" if since else ""
-    if what == "told":
-        return "the controllers know of it: their gains follow"
-    if what == "read":
-        return "the controller did not ask for it: the effort may be misread"
+def follows(name: str, what: str, course: Mapping[str, Any]) -> str:
+    """Return what a cause follows, in words; empty for what acts always. ``course``: that of its effect."""
+    long = f"{course.get('time_constant', 0.0):.2g} s"
+    courses = {
+        "after": f"it acts for {long} after every start, like a brake that releases late",
+        "since": "it begins within the run",
+        "growing": "it grows with time",
+    }
     words = {
-        "friction_at_start": f"it acts for {long} after every start, like a brake that releases late",
-        "friction_since": "it begins within the run",
-        "zero_since": "it begins within the run",
-        "torque_fades": "it grows through the run",
-        "drift": "it grows through the runs",
-        "encoder_grows": "it grows through the run",
+        "told": "the controllers know of it: their gains follow",
+        "read": "the controller did not ask for it: the effort may be misread",
         "encoder_period": "it repeats along the stroke",
         "encoder_along": "it goes with the place along the stroke",
         "cross_friction": f"it is dry friction that changes with the position of {what}",
@@ -135,7 +132,7 @@ def follows(name: str, what: str, since: Sequence[float]) -> str:
         "snag": "it drags at one place on some passes only",
         "tooth": "it comes at one place, whatever the direction",
     }
-    return words.get(name, "")
+    return words.get(what) or courses.get(course.get("kind", "")) or words.get(name, "")
 
 
 def described(what: str) -> str:

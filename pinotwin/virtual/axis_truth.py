@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from pinotwin.trajectories.moves import Limits
 
 CONTACT = 300.0
 """Mode of motor against load behind backlash where the drive is rigid otherwise [Hz]: above what a log shows."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Kinematic limits of an axis."""
-
-    speed: float | None = None  # [m/s or rad/s]
-    acceleration: float | None = None  # [m/s² or rad/s²]
-    jerk: float | None = None  # [m/s³ or rad/s³]
-    travel: tuple[float, float] | None = None  # lowest and highest position of trajectories [m or rad]
 
 
 @dataclass(frozen=True)
@@ -148,7 +140,7 @@ class Bend:
 class AxisTruth:
     """Everything about one axis."""
 
-    limits: Limits = Limits()
+    limits: Limits = field(default_factory=Limits)
     controller: Controller = Controller()
     friction: Friction = Friction()
     ripple: tuple[Harmonic, ...] = ()

@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction, Limits
+from pinotwin.trajectories.moves import Limits
+from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction
 from pinotwin.virtual.tree import axes_of, gravity_at, inertia_at
 
 Part = TypeVar("Part")

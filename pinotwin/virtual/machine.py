@@ -11,16 +11,16 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError, require
+from pinotwin.trajectories.moves import Limits, Trajectory
 from pinotwin.virtual import columns as c
 from pinotwin.virtual import kernel, run
 from pinotwin.virtual.amounts import Body, Request, inject_all, withhold_all
-from pinotwin.virtual.axis_truth import AxisTruth, Limits
+from pinotwin.virtual.axis_truth import AxisTruth
 from pinotwin.virtual.defaults import Scale, filled, resolved_axis, resolved_limits, scales
 from pinotwin.virtual.folder import Folder, read_folder
 from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
 from pinotwin.virtual.recording import Recording, SealedTruth
 from pinotwin.virtual.structs import Axes
-from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import assembled, axes_of, inertia_at, links_of, load_model, perturbed, tree_of
 from pinotwin.virtual.truth import Passive, Pulse, Truth
 from pinotwin.virtual.withholding import changed

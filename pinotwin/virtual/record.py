@@ -12,7 +12,7 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine.bundled import machines
-from pinotwin.virtual import trajectories
+from pinotwin.trajectories import moves as trajectories
 from pinotwin.virtual.machine import VirtualMachine
 from pinotwin.virtual.recording import Recording
 

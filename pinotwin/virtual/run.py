@@ -10,13 +10,13 @@ from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, require
+from pinotwin.trajectories.moves import Trajectory
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.axis_truth import EffortSensor
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
 from pinotwin.virtual.kernel import position_effort
 from pinotwin.virtual.rigid import Tree, empty_pose
 from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
-from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import gravity_at, links_of
 from pinotwin.virtual.truth import Pulse, Truth
 

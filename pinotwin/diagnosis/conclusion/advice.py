@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.system.phrases import joined
+from pinotwin.trajectories.moves import Limits, Trajectory, constant_speeds, multisine, slow_reversals
 
 PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
     (
@@ -37,14 +40,14 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
     ),
     (
         frozenset(
-            {
+            [
                 "viscous",
                 "stribeck",
                 "quadratic_drag",
                 "viscous_thermal",
                 "load_friction",
                 "viscous_asymmetric",
-            }
+            ]
         ),
         "record constant speeds from 1 to 100 %, both directions",
         "speeds",
@@ -137,66 +140,33 @@ def _of_other_state(c: Comparison, open_axes: Collection[str]) -> list[str]:
     return out
 
 
+@dataclass(frozen=True)
+class _Visited:
+    """The limits of the moves that a log has shown of an axis."""
+
+    limits: Mapping[str, Limits]
+
+    @classmethod
+    def of(cls, motion: Motion, axis: str) -> _Visited:
+        j = motion.index(axis)
+        q, v, a = motion.q[:, j], np.abs(motion.v[:, j]), np.abs(motion.a[:, j])
+        jerk = np.abs(np.diff(motion.a[:, j])) / motion.step
+        top, push, jolt = float(v.max()), float(np.quantile(a, 0.995)), float(np.quantile(jerk, 0.995))
+        return cls({axis: Limits(top, push, jolt, (float(q.min()), float(q.max())))})
+
+
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:
-    """Return a command (t and every ``<axis>.qr``) within what the log already visited."""
+    """Return a command (t [s] and every ``<axis>.qr``) within what the log already visited: one axis moves."""
     name = axis or next(iter(machine.axes))
-    j = motion.index(name)
-    q, v, a = motion.q[:, j], np.abs(motion.v[:, j]), np.abs(motion.a[:, j])
-    centre, reach = 0.5 * (q.max() + q.min()), 0.5 * float(np.ptp(q))
-    top, push = float(v.max()), float(np.quantile(a, 0.995))
-    t, path = MOTIONS[kind](reach, top, push)
-    out = {"t": t}
-    for other in machine.axes.values():
-        k = other.index
-        home = 0.5 * float(motion.q[:, k].max() + motion.q[:, k].min())
-        out[f"{other.name}.qr"] = centre + path if other.name == name else np.full(len(t), home)
-    return out
+    made = MOVES[kind](_Visited.of(motion, name), name)
+    t = np.arange(0.0, made.seconds, 2e-3)
+    places = {k: motion.q[:, x.index] for k, x in machine.axes.items()}
+    still = {f"{k}.qr": np.full(len(t), 0.5 * float(q.max() + q.min())) for k, q in places.items()}
+    return {"t": t, **still, f"{name}.qr": made.at(t, [name])[0][:, 0]}
 
 
-LONGEST = 60.0  # Longest that one stroke of an advised motion takes [s]
-
-
-def _slow(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
-    del push
-    t, x, now = [], [], 0.0
-    for stroke in (1e-4, 3e-4, 1e-3, 1e-2, 1e-1):
-        size = stroke * reach
-        period = min(max(2.0 * np.pi * size / (0.02 * top), 2.0), LONGEST)
-        s = np.arange(0.0, 2.0 * period, 2e-3)
-        t.append(now + s)
-        x.append(size * np.sin(2.0 * np.pi * s / period))
-        now += 2.0 * period
-    return np.concatenate(t), np.concatenate(x)
-
-
-def _speeds(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
-    t, x, now = [], [], 0.0
-    for share in (0.01, 0.03, 0.1, 0.3, 0.8):
-        speed = share * top
-        half = min(0.9 * reach, 2.0 * speed)
-        turn = speed / max(0.5 * push, 1e-9)
-        period = min(4.0 * half / speed + 4.0 * turn, LONGEST)
-        s = np.arange(0.0, period, 2e-3)
-        rate = np.clip(np.cos(2 * np.pi * s / period) * period / (2 * np.pi * turn + 1e-9), -1, 1)
-        path = np.cumsum(rate) * 2e-3
-        path -= np.linspace(0.0, path[-1], len(path))
-        t.append(now + s)
-        x.append(np.clip(path * speed, -reach, reach))
-        now += period
-    return np.concatenate(t), np.concatenate(x)
-
-
-def _multisine(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
-    t = np.arange(0.0, 20.0, 2e-3)
-    f = np.geomspace(0.3, 60.0, 24)
-    phase = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(f))
-    amplitude = 1.0 / (1.0 + f**2)
-    window = np.minimum(1.0, np.minimum(t, t[-1] - t))
-    angle = 2 * np.pi * np.outer(t, f) + phase
-    x = window * (np.sin(angle) @ amplitude)
-    rate, rise = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
-    room = min(0.9 * reach / np.abs(x).max(), 0.9 * top / np.abs(rate).max(), 0.9 * push / np.abs(rise).max())
-    return t, room * x
-
-
-MOTIONS = {"slow": _slow, "speeds": _speeds, "multisine": _multisine}
+MOVES: Mapping[str, Callable[[_Visited, str], Trajectory]] = {
+    "slow": partial(slow_reversals, strokes=(1e-4, 3e-4, 1e-3, 1e-2, 1e-1), repeats=2),
+    "speeds": constant_speeds,
+    "multisine": lambda visited, name: multisine(visited, 20.0, seed=1),
+}

@@ -37,7 +37,7 @@ def localise(sample: Sample, residual: Floats, joint: int, rng: np.random.Genera
     power = residual**2
     if power.sum() <= 0.0:
         return []
-    cells = regimes([(sample.motion, sample.samples(joint))], joint, np.abs(sample.effort[joint]))
+    cells = regimes(sample.motion, sample.samples(joint), joint, np.abs(sample.effort[joint]))
     if not cells:
         return []
     axis = sample.motion.names[joint]
@@ -70,26 +70,20 @@ def concentrated(
     return found
 
 
-def regimes(seen: Sequence[tuple[Motion, Ints]], joint: int, load: Floats | None = None) -> list[Cell]:
+def regimes(m: Motion, rows: Ints, joint: int, load: Floats | None = None) -> list[Cell]:
     """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others."""
-    first = seen[0][0]
-    x = "rad" if first.rotary[joint] else "m"
-
-    def pick(name: str, k: int = joint) -> Floats:
-        return np.concatenate([getattr(m, name)[rows, k] for m, rows in seen])
-
-    q, v, a = pick("q"), pick("v"), pick("a")
-    t = np.concatenate([m.t[rows] for m, rows in seen])
+    x, t = "rad" if m.rotary[joint] else "m", m.t[rows]
+    q, v, a = (y[rows, joint] for y in (m.q, m.v, m.a))
     out = bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
     slow = REVERSAL * float(np.abs(v).max())
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
     out += bins("velocity", v, f"{x}/s", 6)
     if load is not None:
-        out += bins("load", load, "N·m" if first.rotary[joint] else "N", 5)
-    for other, name in enumerate(first.names):
+        out += bins("load", load, "N·m" if m.rotary[joint] else "N", 5)
+    for other, name in enumerate(m.names):
         if other != joint:
-            w = np.abs(pick("v", other))
-            unit = ("rad" if first.rotary[other] else "m") + "/s"
+            w = np.abs(m.v[rows, other])
+            unit = ("rad" if m.rotary[other] else "m") + "/s"
             fast = max(float(w.max()), 1e-12)
             out.append(Cell("other_axis", (0.05 * fast, fast), unit, w > 0.05 * fast, name))
     return [c for c in out if 0.01 < c.mask.mean() < 0.95]

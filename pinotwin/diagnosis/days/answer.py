@@ -155,40 +155,41 @@ class Answer:
 
     def found(self) -> list[Found]:
         """Return the named causes in the form of the contract, largest first; of several equations one."""
-        by, e = dict[tuple[str, str | None], Found](), dict[str | None, Shrink](self.track.shrinks)
-        for x in map(self.told, self.named):
-            one = by.setdefault((x.effect, x.axis), x)
-            if one is not x:
-                shrink, acts = {**one.shrink, **x.shrink, **one.shrink}, {**x.acts, **one.acts}
-                by[x.effect, x.axis] = replace(one, shrink=shrink, acts=acts, size=[*one.size, *x.size])
-        out = [replace(x, shrink={**x.shrink, "e": e[x.axis]}) if x.axis in e else x for x in by.values()]
+        parts, e = dict[tuple[str, str], list[Named]](), dict[str | None, Shrink](self.track.shrinks)
+        for x in self.named:
+            parts.setdefault((effect_of(x.row.name), axis_of(x.row, self.r)), []).append(x)
+        told = [self.told(*each) for each in parts.values()]
+        out = [replace(x, shrink={**x.shrink, "e": e[x.axis]}) if x.axis in e else x for x in told]
         return sorted(out, key=lambda x: -max([s.share for s in x.shrink.values()], default=0.0))
 
-    def told(self, x: Named) -> Found:
-        """Return a cause in the form of the contract."""
-        axis, row = axis_of(x.row, self.r), x.row
+    def told(self, *parts: Named) -> Found:
+        """Return a cause in the form of the contract; of several parts what they close together."""
+        x, row, axis = parts[0], parts[0].row, axis_of(parts[0].row, self.r)
         at = Place(self.r, axis, self.new.stretches)
-        acts = {
-            name: closed.shrink(self.gaps[name]["u"].rms, name)
-            for name, each in self.closed.items()
-            for who, closed in each
-            if who is x and name in self.gaps and (name == axis or closed.share > 0.0)
-        }
-        shrink: dict[str, Shrink] = {"u": acts[axis]} if axis in acts else {}
+        shrink, acts = dict[str, Shrink](), dict[str, Shrink]()
+        for name, each in self.closed.items():
+            mine = [closed for who, closed in each if who in parts]
+            together = reduce(Closed.beside, mine) if mine and name in self.gaps else None
+            if together and (name == axis or together.share > 0.0):
+                acts[name] = together.shrink(self.gaps[name]["u"].rms, name)
+        if axis in acts:
+            shrink["u"] = acts[axis]
         if row.group == "law" or row.name == "limit":
-            shrink["law"] = self._law(row, axis)
-        if axis in self.between and id(x) in self.between[axis][1]:
-            shrink["ql"] = self.between[axis][1][id(x)]
-        told = sizes(row, at)
-        theta = {s.name.partition(".")[2] or s.name: s.after for s in told}
+            shrink["law"] = self._law([y.row for y in parts], axis)
+        gap, shares = self.between.get(axis, (None, {}))
+        if gap and shares.keys() & set(map(id, parts)):
+            share = sum(shares.get(id(y), 0.0) for y in parts)
+            shrink["ql"] = shrunk(gap.rms, share, (share, share), share, "fitted logs", None)
+        told = [size for y in parts for size in sizes(y.row, at)]
+        theta = {s.name.partition(".")[2] or s.name: s.after for s in reversed(told)}
         if row.name == "payload":
             theta = dict(zip(BODY_NAMES, plain_body(row.numbers).tolist(), strict=True))
         shape = {"limit": row.theta} if row.name == "limit" else {}
         if row.form is not None:
             names = [x.name for x in row.form.shapes()]
             shape = dict(zip(names, row.form.shape_values(), strict=True))
-        each = [(y, axis_of(y, self.r), p, max([0.0, *y.closed.values()])) for y, p in x.rivals if p > 0.005]
-        rivals = [rival(effect_of(y.name), where, p, share, y.score) for y, where, p, share in each]
+        near = [(y, axis_of(y, self.r), p, max([0.0, *y.closed.values()])) for y, p in x.rivals if p > 0.005]
+        rivals = [rival(effect_of(y.name), where, p, share, y.score) for y, where, p, share in near]
         return Found(
             effect=effect_of(row.name),
             axis=axis,
@@ -197,7 +198,7 @@ class Answer:
             theta=theta,
             shrink=shrink,
             alternatives=rivals,
-            gain=row.score,
+            gain=sum(y.row.score for y in parts),
             size=told,
             acts=acts,
             listed=None if row.form is None else named(row.form),
@@ -205,23 +206,30 @@ class Answer:
         )
 
     def adds(self, x: Named) -> bool:
-        """Whether a cause closes more of any effort or twist than the form of another leaves, or some of a law."""
-        efforts = [("plant", {id(who): c.share for who, c in each}) for each in self.closed.values()]
-        twists = [("encoders", {k: s.share for k, s in each.items()}) for _, each in self.between.values()]
-        acts = [(e, shares) for e, shares in (*efforts, *twists) if id(x) in shares]
-        rest = {e: SETTINGS.trace**2 * (1.0 - np.clip(y, 0.0, 1.0)) for e, y in x.row.closed.items()}
-        large = [s[id(x)] > max(self.c.worth, rest.get(e, 0.0) * max(s.values())) for e, s in acts]
+        """Whether a cause closes more of any effort or twist than the form of another leaves, or some of a law.
+
+        What closes nearly all that those before it leave is no rest of their form.
+        """
+        efforts = [{id(who): c.share for who, c in each} for each in self.closed.values()]
+        acts = [y for y in (*efforts, *(each for _, each in self.between.values())) if id(x) in y]
+        before = [id(y) for y in self.named[: self.named.index(x)]]
+        left = [max(1.0 - sum(y.get(k, 0.0) for k in before), 1e-300) for y in acts]
+        forms = [
+            SETTINGS.trace**2 * max(y.values()) * (1.0 - y[id(x)] / z)
+            for y, z in zip(acts, left, strict=True)
+        ]
+        large = [y[id(x)] > max(self.c.worth, form) for y, form in zip(acts, forms, strict=True)]
         return any(large) or not acts or x.row.closed.get("law", 0.0) > self.c.worth
 
-    def _law(self, row: Row, axis: str) -> Shrink:
-        """Return how far the residual of the controller's law shrinks."""
+    def _law(self, rows: Sequence[Row], axis: str) -> Shrink:
+        """Return how far the residual of the controller's law shrinks: each row closes some of what others leave."""
         before = rms(np.concatenate(self.r.left(self.new.stretches, axis, "law")))
-        share = float(np.clip(row.closed.get("law", 0.0), 0.0, 1.0))
+        share = 1.0 - float(np.prod([1.0 - np.clip(x.closed.get("law", 0.0), 0.0, 1.0) for x in rows]))
         return shrunk(before, share, (max(2.0 * share - 1.0, 0.0), 1.0), share, "held-out blocks", None)
 
     @cached_property
-    def between(self) -> dict[str, tuple[Gap, dict[int, Shrink]]]:
-        """Return axis -> gap of motor against load, and what each cause closes of it."""
+    def between(self) -> dict[str, tuple[Gap, dict[int, float]]]:
+        """Return axis -> gap of motor against load, and the share of it that each cause closes."""
         out = {}
         for name in self.r.axes:
             if (name, "encoders") not in self.r.whitenings:
@@ -231,19 +239,17 @@ class Answer:
             size = rms(np.concatenate([x - x.mean() for x in gaps]))
             usual = rms(np.concatenate(self.r.left(self.r.logs, name, "encoders")))
             now = level = rms(np.concatenate(left))
-            shrinks = {}
+            shares = dict[int, float]()
             for x in self.named:
                 acts = x.row.acts.get(name, [])
                 if not acts or "encoders" not in acts[0]:
                     continue
                 left = [y - combined(a["encoders"], x.row.numbers) for y, a in zip(left, acts, strict=True)]
                 after = rms(np.concatenate([self.r.centred(name, y) for y in left]))
-                share = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
-                shrinks[id(x)] = shrunk(level, share, (share, share), share, "fitted logs", None)
+                shares[id(x)] = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
                 now = min(now, after)
-            gone = sum(s.share for s in shrinks.values())
-            after = level * float(np.sqrt(max(1.0 - gone, 0.0)))
-            out[name] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shrinks
+            after = level * float(np.sqrt(max(1.0 - sum(shares.values()), 0.0)))
+            out[name] = Gap(level, level / max(size, 1e-300), 0.0, after, usual), shares
         return out
 
     def against(self) -> set[int]:
@@ -335,10 +341,11 @@ class Answer:
         if self.recorded or self.proofs:
             return [JUDGED["recording"].format(faults=recording_words(self.recording()))]
         if effects:
-            rows = [(axis_of(x.row, self.r), x.row) for x in self.named]
-            courses = [(axis, follows(row.name, row.what, row.since)) for axis, row in rows]
+            axes = [(axis_of(x.row, self.r), x.row) for x in self.named]
+            rows = [(axis, row, when(row, Place(self.r, axis, self.new.stretches))) for axis, row in axes]
+            courses = [(axis, follows(row.name, row.what, course)) for axis, row, course in rows]
             told = [JUDGED["course"].format(axis=axis, words=words) for axis, words in courses if words]
-            return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *told]
+            return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *dict.fromkeys(told)]
         if self.judged.unknown:
             row = self.judged.described
             words = "" if row is None else f": {row.axis} {described(row.what)}"

@@ -36,16 +36,18 @@ class Course:
     since: list[float] = field(default_factory=list)
 
 
-def courses(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> dict[str, Course]:
+def courses(
+    r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str, beside: Sequence[Row] = ()
+) -> dict[str, Course]:
     """Return what begins at an instant of each log or acts after starts, and the side of a play as a hidden state."""
-    dry = [s.axes[name]["dry"] for s in logs]
-    found = {"friction_since": since(logs, dry, left, (name, "plant"), r.whitenings[name, "plant"])}
+    dry, w = [s.axes[name]["dry"] for s in logs], r.whitenings[name, "plant"]
+    found = {"friction_since": since(logs, dry, left, (name, "plant"), beside, w)}
     found["friction_at_start"] = _after_starts(r, logs, left, name)
     if (name, "law") in left[0]:
         found["dead_band"] = _dead_band(r, logs, left, name)
     if (name, "encoders") in left[0]:
         step = [s.axes[name]["one"] * ENCODER for s in logs]
-        found["encoder_step"] = since(logs, step, left, (name, "encoders"))
+        found["encoder_step"] = since(logs, step, left, (name, "encoders"), beside)
         found["lost_motion_either_side"] = _either_side(logs, left, name)
     return {k: x for k, x in found.items() if x is not None}
 
@@ -55,25 +57,38 @@ def since(
     course: Sequence[Floats],
     left: Sequence[Left],
     key: tuple[str, str],
+    beside: Sequence[Row] = (),
     w: Whitening | None = None,
 ) -> Course | None:
-    """Return a cause, (n,) in each log, since an instant, sought in what ``w`` whitens; None if from the start."""
-    pairs = [np.column_stack([x, y[key]]) for x, y in zip(course, left, strict=True)]
-    if w is not None:
-        pairs = [w(x) * w.counts(s.axes[key[0]], key[1])[:, None] for s, x in zip(logs, pairs, strict=True)]
-    begin = [onset(s, *x.T, level=key[1] == "encoders") for s, x in zip(logs, pairs, strict=True)]
+    """Return a cause, (n,) in each log, since an instant, sought in what ``w`` whitens; None if from the start.
+
+    Causes ``beside`` it may be as large as they like, and so may a constant between encoders.
+    """
+    axis, equation = key
+    own = [f.acts[axis] for f in beside if equation in f.acts.get(axis, [{}])[0]]
+    begin = list[float]()
+    for k, (s, x, y) in enumerate(zip(logs, course, left, strict=True)):
+        level = [np.ones(len(x))] if equation == "encoders" else []
+        columns = np.column_stack([x, y[key], *level, *(each[k][equation] for each in own)])
+        if w is not None:
+            columns = w(columns) * w.counts(s.axes[axis], equation)[:, None]
+        begin.append(onset(s, columns[:, 0], columns[:, 1], columns[:, 2:]))
     if max(begin) <= 1.0:
         return None
-    acts = [{key[1]: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)]
+    acts = [
+        {equation: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)
+    ]
     return Course(acts, 0.5 * SETTINGS.place * len(logs), begin)
 
 
-def onset(s: Stretch, course: Floats, left: Floats, *, level: bool) -> float:
-    """Return the instant [s] from which a course explains most of what is left; ``level``: beside a constant."""
-    both, own, one = (np.cumsum(x[::-1])[::-1] for x in (left * course, course * course, course))
-    if level:
-        both, own = both - left.mean() * one, own - one**2 / len(left)
-    gain = both**2 / np.maximum(own, 1e-6 * float(course @ course) + 1e-300)
+def onset(s: Stretch, course: Floats, left: Floats, known: Floats) -> float:
+    """Return the instant [s] from which a course explains most of what is left beside ``known`` columns (n, k)."""
+    Q = np.linalg.qr(known)[0]
+    rest = left - Q @ (Q.T @ left)
+    sums = np.column_stack([rest * course, course**2, Q * course[:, None]])
+    both, own, *shared = np.cumsum(sums[::-1], axis=0)[::-1].T
+    free = own - sum((x**2 for x in shared), np.zeros(len(own)))
+    gain = both**2 / np.maximum(free, 1e-6 * float(course @ course) + 1e-300)
     return float(s.t[int(np.argmax(gain[: int(0.95 * len(gain))]))])
 
 

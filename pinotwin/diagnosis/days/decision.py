@@ -8,7 +8,7 @@ The weights are made by ``python -m benchmarks train`` on machines with known fa
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -51,7 +51,7 @@ class Case:
     Attributes:
         causes, described: rows. open: axis and equation -> misfit over a healthy one.
         noise: axis -> noise of its effort over the effort. logs: number of stretches.
-        first: whether nothing is found yet.
+        touched: axis and equation on which what was found acts.
     """
 
     causes: Sequence[Row]
@@ -59,10 +59,12 @@ class Case:
     open: Numbers
     noise: Numbers
     logs: int
-    first: bool = True
+    touched: Collection[str] = ()
 
     @classmethod
-    def of(cls, rows: Sequence[Row], open_: Numbers, noise: Numbers, logs: int, *, first: bool) -> Case:
+    def of(
+        cls, rows: Sequence[Row], open_: Numbers, noise: Numbers, logs: int, touched: Collection[str] = ()
+    ) -> Case:
         """Return the case of a question's rows.
 
         What gains nothing, or a validation log contradicts, is no cause. Neither is what acts at instants or places,
@@ -79,7 +81,12 @@ class Case:
             return r.worth >= 2.0 * noise.get(r.axis, 0.0) or not (read or r.spread < 8.0)
 
         causes = [r for r in rows if r.group != "describe" and stands(r)]
-        return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, first)
+        return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, touched)
+
+    @property
+    def apart(self) -> dict[str, float]:
+        """Misfits [1] of what nothing acts on that was found: what is open there needs a cause of its own."""
+        return {k: x for k, x in self.open.items() if k not in self.touched}
 
     def features(self, null: Numbers) -> Floats:
         """Return a row for nothing, one for something unknown, and one for every cause, shape (2 + causes, k)."""
@@ -88,7 +95,7 @@ class Case:
         top = max([r.score for r in self.causes], default=0.0)
         over = max([r.score - null.get(channel(r), 10.0) for r in self.described], default=0.0)
         excess = max([r.score - null.get(r.group, 10.0) for r in self.causes], default=-20.0)
-        wide = float(np.arcsinh(np.clip(max(self.open.values()) - 1.5, 0.0, 50.0))) if self.first else 0.0
+        wide = float(np.arcsinh(np.clip(max(self.apart.values(), default=0.0) - 1.5, 0.0, 50.0)))
         X[0, f + g : f + g + 2] = 1.0, wide
         X[1, f + g + 2 :] = (
             1.0,
@@ -106,7 +113,7 @@ class Case:
     def _stays_open(self) -> float:
         """Return what the best cause of an equation leaves of it, of the one that is least explained, 0 to 1."""
         each, left = [(r.score, self._left(r)) for r in self.causes], [0.0]
-        for key, off in self.open.items() if self.first else ():
+        for key, off in self.apart.items():
             _, stays = max([(score, x[key]) for score, x in each if key in x], default=(0.0, off))
             left.append(min(off - 2.0, 1.0) * (stays - 1.0) / (off - 1.0) if off > 2.0 else 0.0)
         return float(np.clip(max(left), 0.0, 1.0))

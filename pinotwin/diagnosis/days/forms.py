@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -28,12 +28,12 @@ Gain = Callable[[Effect], float]
 def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     """Return efforts of an axis that its twin may lack, each at the shapes that explain most of what is left.
 
-    The search costs the logarithm of the number of shapes that were tried.
+    The search costs the logarithm of the number of shapes that were tried: what explains more is searched between them.
     """
     twin = r.twin
     tree = Tree(twin.model, twin.machine.names, twin.machine.rotary)
     thin = Motion.join([s.motion.at(s.rows) for s in w.logs])
-    gain = partial(_gain, w, thin)
+    gain = cache(partial(_gain, w, thin))
     longest = max((s.motion for s in w.logs), key=len)
     out = {}
     every = known_effects(twin.machine.effects)
@@ -43,17 +43,16 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
     for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
         beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
         tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
-        best = _best(tried, gain) if tried else None
-        if best is not None:
-            out[kind.name] = _local(w, _polished(tried, best, gain), float(np.log(len(tried))))
+        price = float(np.log(max(len(tried), 1)))
+        if tried and np.isfinite(gain(best := _best(tried, gain))):
+            out[kind.name] = _local(w, _polished(tried, best, gain) if gain(best) > price else best, price)
     return out
 
 
-def _best(tried: Sequence[Effect], gain: Gain) -> Effect | None:
-    """Return the best of some forms, the first of its shapes at one value of the others; None without a course."""
+def _best(tried: Sequence[Effect], gain: Gain) -> Effect:
+    """Return the best of some forms, the first of its shapes at one value of the others."""
     first = max({e.shape_values()[:1]: e for e in tried}.values(), key=gain)
-    best = max((e for e in tried if e.shape_values()[:1] == first.shape_values()[:1]), key=gain)
-    return best if np.isfinite(gain(best)) else None
+    return max((e for e in tried if e.shape_values()[:1] == first.shape_values()[:1]), key=gain)
 
 
 def _polished(tried: Sequence[Effect], one: Effect, gain: Gain) -> Effect:

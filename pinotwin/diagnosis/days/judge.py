@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -63,7 +63,9 @@ def evidence(
     rows = asked.rows()
     if not found:
         rows += [*recording_rows(asked), *limit_rows(asked)]
-    told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference)
+    sought = {**asked.tried.local, **asked.tried.courses}
+    search = bool(found) or any((r.axis, r.name) in sought for r in rows if r.score > 0.0)
+    told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference, search=search)
     # Each step between two encoders is one: it may come again, if nothing else was found.
     again = {f.axis for f in found if {x.name for x in found if x.axis == f.axis} == {"encoder_step"}}
     rows = [
@@ -74,20 +76,21 @@ def evidence(
     ]
     rows.sort(key=by_score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
-    return case_of(q.reference, rows, opened, len(q.logs), first=not found), rows, asked
+    touched = {f"{axis} {equation}" for f in found for axis, each in f.acts.items() for equation in each[0]}
+    return case_of(q.reference, rows, opened, len(q.logs), touched), rows, asked
 
 
 @cache
-def usual(r: Reference) -> dict[tuple[str, bool, str], float]:
+def usual(r: Reference, *, search: bool) -> dict[tuple[str, bool, str], float]:
     """Return the largest amplitude on one of the twin's own days, which nobody doubts, of causes of one kind.
 
     A kind is a group, whether it is in the reading alone, and the axis. It is no less than that of the average axis:
-    few days show few of the ways in which a twin is off.
+    few days show few of the ways in which a twin is off. No ``search``: of what needs none, which is faster.
     """
     seen = dict[tuple[str, bool, str], float]()
     for day in sorted({s.log for s in r.logs}):
         logs = [s for s in r.logs if s.log == day]
-        for x in Asked(Question.of(r, logs)).rows(every=True):
+        for x in Asked(Question.of(r, logs), search=search).rows(every=True):
             if x.score > 0.0:
                 seen[_kind(x)] = max(seen.get(_kind(x), 0.0), _amplitude(x, logs))
     groups = {kind[:2] for kind in seen}
@@ -110,11 +113,11 @@ def _beyond(own: float, row: Row, logs: Sequence[Stretch]) -> float:
 
 
 def case_of(
-    r: Reference, rows: Sequence[Row], opened: Mapping[str, float], logs: int, *, first: bool
+    r: Reference, rows: Sequence[Row], opened: Mapping[str, float], logs: int, touched: Collection[str] = ()
 ) -> Case:
     """Return rows as the decision reads them; ``opened`` is axis and equation -> misfit over a healthy one [1]."""
     noise = {k: float(np.mean([s.axes[k]["raw"][0] for s in r.logs])) for k in r.axes}
-    return Case.of(rows, opened, noise, logs, first=first)
+    return Case.of(rows, opened, noise, logs, touched)
 
 
 def judge(
@@ -123,21 +126,12 @@ def judge(
     """Return what has changed: at most so many causes, named while P(nothing) is below that of false alarms [1]."""
     limit = decision.limit(false_alarm, q.reference.days)
     found: list[Named] = []
-    questions = list[tuple[list[Row], Asked]]()
+    first: tuple[list[Row], Asked] | None = None
     unknown, described, possible = False, None, list[Named]()
-    # A validation log is held against the first question alone: what it refutes there stays refuted.
-    refuted: set[tuple[str, str, str]] = set()
-
-    def stands(r: Row) -> bool:
-        return admits(r) and (r.name, r.axis, r.what) not in refuted
-
-    while len(found) < most:
-        case, rows, asked = evidence(q, [x.row for x in found], stands)
-        refuted |= {(r.name, r.axis, r.what) for r in rows if r.contradicted}
+    while first is None or len(found) < most:
+        case, rows, asked = evidence(q, [x.row for x in found], admits)
         P, one = decided(case, decision)
-        if not questions:
-            rows = _with_chances(rows, case, P[2:])
-        questions.append((rows, asked))
+        first = first or (_with_chances(rows, case, P[2:]), asked)
         possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
         told = [one.row] if one else case.described[:1]
         if P[0] >= limit or any(r.worth < least_share(r.group, q.worth) for r in told):
@@ -145,13 +139,19 @@ def judge(
         if one is None or one.probability < SETTINGS.likely:
             unknown, described = True, next(iter(case.described), None)
             break
-        found.append(one)
-        possible = []
+        found, possible = [*_renewed(found, one.row), one], []
         if one.row.group in ("recording", "limit"):
             break  # the recording is mended, or the limit lifted, before anything else is said
-    rows, asked = questions[0]
+    rows, asked = first
     could = detectable(asked, decision.bars[known(q.reference.days)])
     return Judged(found, unknown, described, rows, asked.open, could, possible)
+
+
+def _renewed(found: Sequence[Named], one: Row) -> list[Named]:
+    """Return what was found, its numbers as they are beside one more cause."""
+    fitted = [x.row.refitted.count * (not x.row.rescales) for x in found]
+    parts = np.split(one.beside, np.cumsum(fitted)[:-1], axis=1) if found else []
+    return [replace(x, row=x.row.renewed(y)) for x, y in zip(found, parts, strict=True)]
 
 
 def decided(case: Case, decision: Decision) -> tuple[Floats, Named | None]:

@@ -13,7 +13,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
-from pinotwin.effects.load import Payload
+from pinotwin.dynamics.batch import regressor
 from pinotwin.effects.tree import Tree
 from pinotwin.signals import rms
 
@@ -218,11 +218,11 @@ def bodies(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
     tree = Tree(r.twin.model, machine.names, machine.rotary)
     at = {name: machine.names.index(name) for name in r.axes}
     efforts = np.array([[r.widths[k]["effort"]] for k in r.axes])
-    for link in r.axes:
-        values = Payload(link).bound(tree).columns(s.motion).values[:, list(at.values())]
+    parts, m = 10 * np.array([[tree.joint(k) - 1] for k in r.axes]) + np.arange(10), s.motion
+    every = regressor(tree.model, m.q, m.v, m.a, parts.ravel())[:, list(at.values())]
+    for link, values in zip(r.axes, np.split(every, len(r.axes), axis=2), strict=True):
         body = np.concatenate([values[..., :4], values[..., [4, 6, 9]].sum(axis=2, keepdims=True)], axis=2)
-        told = np.abs(body).max(axis=0) > 1e-6 * efforts  # less is the rounding of a URDF's angles
-        body *= told.any(axis=0)
+        body *= np.any(np.abs(body).max(axis=0) > 1e-6 * efforts, axis=0)  # less: rounding of a URDF's angles
         cause = "payload" if link == r.axes[-1] else f"payload:{link}"
         out[cause] = {k: s.taken(body[:, j]) for j, k in enumerate(at)}
     return out

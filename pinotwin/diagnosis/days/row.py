@@ -37,6 +37,7 @@ class Row:
         place, spans: of what acts at places or instants. p: probability [1]. alike: of its class, as probable.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
+        beside: numbers and errors of what was found as they are beside it, shape (2, f).
         form: the effect whose columns these are. scale: what its coefficients were divided by, shape (count,).
     """
 
@@ -64,6 +65,7 @@ class Row:
     unseen: Mapping[str, list[Acts]] | None = field(default=None, repr=False)
     numbers: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
     errors: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    beside: Floats = field(default_factory=lambda: np.zeros((2, 0)), repr=False)
     p: float = 0.0
     alike: Sequence[str] = ()
     form: Effect | None = None
@@ -83,6 +85,14 @@ class Row:
         acts = {a: [{"plant": x["plant"][:, :body]} for x in each] for a, each in self.acts.items()}
         return replace(self, acts=acts, count=body, numbers=self.numbers[:body])
 
+    def renewed(self, numbers: Floats) -> Row:
+        """Return the row with the first of its numbers, and their errors, as they are beside others, shape (2, n)."""
+        told = np.array([self.numbers, self.errors])
+        told[:, : numbers.shape[1]] = numbers
+        return replace(
+            self, numbers=told[0], errors=told[1], theta=float(told[0, -1]), error=float(told[1, -1])
+        )
+
     @property
     def contradicted(self) -> bool:
         """Whether a log that the numbers have not seen speaks against them by more than they cost."""
@@ -90,7 +100,7 @@ class Row:
 
     def plain(self) -> dict[str, Any]:
         """Return what `train` reads."""
-        hidden = ("acts", "unseen", "numbers", "errors", "form", "scale")
+        hidden = ("acts", "unseen", "numbers", "errors", "beside", "form", "scale")
         return {k: v for k, v in vars(self).items() if k not in hidden}
 
 

@@ -16,7 +16,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
 from pinotwin.diagnosis.days.stretch import combined
-from pinotwin.diagnosis.days.tried import Tried
+from pinotwin.diagnosis.days.tried import Tried, less
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms
 
@@ -24,18 +24,19 @@ NONE: Ints = np.zeros(0, dtype=np.intp)
 
 
 class Asked:
-    """The evidence of a question beside the causes that were found so far."""
+    """The evidence of a question beside the causes that were found so far; no ``search``: without what is sought."""
 
-    def __init__(self, q: Question, found: Sequence[Row] = ()) -> None:
+    def __init__(self, q: Question, found: Sequence[Row] = (), *, search: bool = True) -> None:
         q = replace(q, reference=_beside(q.reference, found))
         self.q, self.r, self.found = q, q.reference, tuple(f.refitted for f in found)
         shapes = _shapes(q, self.found)
-        self.tried = Tried(q, found, shapes)
+        self.tried = tried = Tried(q, found, shapes, search=search)
         self.cells = {
             k: cells(self.r, q.logs, q.left, k, self.tried.columns[k], found=shapes) for k in self.r.axes
         }
-        unseen = {} if found else self.tried.unseen
-        self.valid = {k: cells(self.r, q.valid, q.valid_left, k, x) for k, x in unseen.items()}
+        # what cannot be told in a validation log is left there
+        left = [less(x, [f.unseen or {} for f in found], found, k) for k, x in enumerate(q.valid_left)]
+        self.valid = {k: cells(self.r, q.valid, left, k, x, found=shapes) for k, x in tried.unseen.items()}
         self.keys = [(k, e) for k in self.r.axes for e in self.cells[k]]
         self.base = {key: score([(self.cells[key[0]][key[1]], NONE)], 0) for key in self.keys}
         held, known = {key: x.held[0] for key, x in self.base.items()}, self._touched("", ())
@@ -98,7 +99,7 @@ class Asked:
             positive=positive(every),
             spread=spread(every),
             closed=self._closed(dict(zip(keys, alone.held, strict=True)), gains),
-            valid=self._validated(cause, keys, theta),
+            valid=self._validated(cause, axes, theta),
             what=what,
             form=None if place is None else place.form,
             scale=np.ones(p) if place is None else place.scale,
@@ -109,6 +110,7 @@ class Asked:
             unseen=self._unseen(cause, axes),
             numbers=theta,
             errors=error,
+            beside=np.array([with_it.theta[:before], with_it.error[:before]]),
         )
 
     def _by_log(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats], costs: Floats) -> list[float]:
@@ -187,8 +189,9 @@ class Asked:
             out[key[1]] = out.get(key[1], np.zeros(2)) + row
         return {e: float(a / b) for e, (a, b) in out.items()}
 
-    def _validated(self, cause: str, keys: Sequence[tuple[str, str]], theta: Floats) -> float | None:
+    def _validated(self, cause: str, axes: Sequence[str], theta: Floats) -> float | None:
         """Return what the numbers as they are gain on a log that they have not seen."""
+        keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
         if not self.valid or not all(e in self.valid[a] and cause in self.valid[a][e].at for a, e in keys):
             return None
         use = [self.valid[a][e] for a, e in keys]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -47,8 +47,8 @@ class Tried:
         wide: cause -> its axis, of those that act on several.
     """
 
-    def __init__(self, q: Question, found: Sequence[Row], shapes: Shapes) -> None:
-        self.q, self.r, self.found, self.shapes = q, q.reference, tuple(found), shapes
+    def __init__(self, q: Question, found: Sequence[Row], shapes: Shapes, *, search: bool = True) -> None:
+        self.q, self.r, self.found, self.shapes, self.search = q, q.reference, tuple(found), shapes, search
         self.local: dict[tuple[str, str], Local] = {}
         self.courses: dict[tuple[str, str], Course] = {}
         self.wide: dict[str, str] = {}
@@ -62,7 +62,7 @@ class Tried:
 
     def _asked(self) -> dict[str, Columns]:
         q, r, out = self.q, self.r, {}
-        left = [_less(x, self.found, k) for k, x in enumerate(q.left)]
+        left = [less(x, [f.acts for f in self.found], self.found, k) for k, x in enumerate(q.left)]
         ends, program = q.ends(), one_program(r, q.logs)
         wide = self._wide(left)
         for name in r.axes:
@@ -70,16 +70,8 @@ class Tried:
             each = [mechanisms(r, s, name, x, float(k)) for k, (s, x) in pairs]
             for cause, acts in wide.items():
                 _put(each, cause, [{"plant": x[name]} for x in acts])
-            for cause, found in courses(r, q.logs, left, name).items():
-                self.courses[name, cause] = found
-                _put(each, cause, found.acts)
-            w = whitened(r, q.logs, left, name, self.shapes)
-            places = {**local(r, w), **forms(r, w, name)}
-            if (name, "encoders") in left[0]:
-                places |= encoder_errors(r, q.logs, left, name)
-            for cause, place in places.items():
-                self.local[name, cause] = place
-                _put(each, cause, [{place.equation: x} for x in place.columns])
+            if self.search:
+                self._search(left, name, each)
             if (name, "law") in q.left[0]:
                 each = [x | _misread(x) for x in each]
             each = [x | _told(x, name, list(r.laws)) for x in each]
@@ -91,12 +83,26 @@ class Tried:
             out[name] = _shared(each)
         return out
 
+    def _search(self, left: Sequence[Left], name: str, each: Columns) -> None:
+        """Add what has a course, a place or a shape to the causes of an axis, at its best."""
+        r, logs = self.r, self.q.logs
+        for cause, found in courses(r, logs, left, name, self.found).items():
+            self.courses[name, cause] = found
+            _put(each, cause, found.acts)
+        w = whitened(r, logs, left, name, self.shapes)
+        places = {**local(r, w), **forms(r, w, name)}
+        if (name, "encoders") in left[0]:
+            places |= encoder_errors(r, logs, left, name)
+        for cause, place in places.items():
+            self.local[name, cause] = place
+            _put(each, cause, [{place.equation: x} for x in place.columns])
+
     def _wide(self, left: Sequence[Left]) -> dict[str, list[dict[str, Floats]]]:
         """Return what acts on several axes, in every stretch, and zeros that moved within a log."""
         logs, out = self.q.logs, _several(self.r, list(zip(self.q.logs, left, strict=True)))
-        for name in [k.partition(":")[2] for k in out if k.startswith("zero:")]:
+        for name in [k.partition(":")[2] for k in out if k.startswith("zero:") and self.search]:
             turns = out[f"zero:{name}"]
-            found = since(logs, [x[name] for x in turns], left, (name, "plant"))
+            found = since(logs, [x[name] for x in turns], left, (name, "plant"), self.found)
             if found is not None:
                 self.courses[name, "zero_since"] = found
                 each = zip(logs, turns, found.since, strict=True)
@@ -168,11 +174,11 @@ def _shared(each: Sequence[dict[str, Acts]]) -> list[dict[str, Acts]]:
     return [{n: x[n] for n in names} for x in each]
 
 
-def _less(left: Left, found: Sequence[Row], k: int) -> Left:
-    """Return what is left of a stretch without the causes that were found."""
+def less(left: Left, acts: Sequence[Mapping[str, Sequence[Acts]]], found: Sequence[Row], k: int) -> Left:
+    """Return what is left of stretch ``k`` without the causes that were found, ``acts`` their columns in its logs."""
     out = dict(left)
-    for f in found:
-        for axis, each in f.acts.items():
+    for f, axes in zip(found, acts, strict=True):
+        for axis, each in axes.items():
             for equation, x in each[k].items():
                 if (axis, equation) in out:
                     out[axis, equation] = out[axis, equation] - combined(x, f.numbers)

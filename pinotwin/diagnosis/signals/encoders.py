@@ -198,7 +198,7 @@ def _seen(c: Comparison, name: str, joint: int, new: _Twist, rng: np.random.Gene
         told = _Told(name, c.machine.rotary[joint], new, new.fit(names), names, "table" in chosen)
         effects.append(told.named(part, shrink, inertia, sure))
     gap = Gap(before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left))
-    cells = regimes([(c.new.motion, new.rows)], joint) if steps else []
+    cells = regimes(c.new.motion, new.rows, joint) if steps else []
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
     return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, _notes(name, after, new))
 
@@ -207,10 +207,9 @@ def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
     """Return the parts that the twist has, most telling first; what those that can be real close, and how surely."""
     chosen: list[str] = []
     steps: dict[str, tuple[Shrink, float]] = {}
-    parts = [p for p in PARTS if p in new.parts]
-    while not set(parts) <= set(chosen):
+    while not set(PARTS) <= set(chosen):
         now = new.fit([*NUISANCE, *chosen])
-        trials = {p: new.fit([*NUISANCE, *chosen, p]) for p in parts if p not in chosen}
+        trials = {p: new.fit([*NUISANCE, *chosen, p]) for p in PARTS if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
@@ -221,16 +220,11 @@ def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
         if share < RULES.encoder_share or low <= 0.0 or closed < new.noise:
             break
         chosen.append(best)
-        if _sure(best, new, fit, [*NUISANCE, *chosen]) > np.sqrt(RULES.encoder_strength):
+        k = new.at([*NUISANCE, *chosen], best)  # springs and play are positive
+        if best == "table" or fit.theta[k] > np.sqrt(RULES.encoder_strength) * fit.error[k]:
             told = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
             steps[best] = told, posterior(int(np.sum(each > RULES.encoder_share)), len(each))
     return chosen, steps
-
-
-def _sure(part: str, new: _Twist, fit: Blocked, names: Sequence[str]) -> float:
-    """Return by how many errors a part's first coefficient is as it must be: springs and play are positive."""
-    k = new.at(names, part)
-    return float("inf") if part == "table" else float(fit.theta[k] / max(float(fit.error[k]), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,17 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.virtual.axis_truth import Limits
-from pinotwin.virtual.profiles import Limited, Profile, Sines, chain, move_pieces, move_time, rest
+from pinotwin.trajectories.profiles import Limited, Profile, Sines, chain, move_pieces, move_time, rest
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Kinematic limits of an axis."""
+
+    speed: float | None = None  # [m/s or rad/s]
+    acceleration: float | None = None  # [m/s² or rad/s²]
+    jerk: float | None = None  # [m/s³ or rad/s³]
+    travel: tuple[float, float] | None = None  # lowest and highest position of trajectories [m or rad]
 
 
 class HasLimits(Protocol):
