@@ -1,12 +1,15 @@
 """Jerk-limited commands: limits, closed forms, rest between the moves."""
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pinotwin.diagnosis.conclusion.advice import MOVES, command
 from pinotwin.errors import DataError
 from pinotwin.trajectories.moves import (
     Limits,
@@ -148,3 +151,24 @@ def test_replay_follows_a_log_and_names_what_is_missing():
     np.testing.assert_allclose(v[:-1, 0], 0.3 * np.sin(late[:-1]) ** 2 * np.cos(late[:-1]), atol=1e-5)
     with pytest.raises(DataError, match=r"A\.qr"):
         replay(log, ["Y", "A"])
+
+
+@pytest.mark.parametrize("kind", list(MOVES))
+@pytest.mark.parametrize(
+    "rate", [1.0, 0.0]
+)  # an axis that swings, and one at a constant speed: no acceleration
+def test_an_advised_motion_stays_within_what_the_log_has_shown(kind: str, rate: float) -> None:
+    t = np.linspace(0.0, 20.0, 4001)
+    q = np.sin(t) if rate else t / 20.0
+    v, a = (np.cos(t), -np.sin(t)) if rate else (np.full_like(t, 0.05), np.zeros_like(t))
+    other = np.linspace(0.0, 1.0, len(t))
+    machine: Any = SimpleNamespace(axes={"X": SimpleNamespace(index=0), "Y": SimpleNamespace(index=1)})
+    motion: Any = SimpleNamespace(
+        q=np.c_[q, other], v=np.c_[v, other], a=np.c_[a, other], step=t[1], index=["X", "Y"].index
+    )
+    moves = command(machine, motion, kind, "X")
+    assert 5.0 < moves["t"][-1] < 600.0
+    assert moves["X.qr"].min() >= q.min() - 1e-9
+    assert moves["X.qr"].max() <= q.max() + 1e-9
+    assert np.abs(np.gradient(moves["X.qr"], moves["t"])).max() <= 1.001 * np.abs(v).max()
+    assert np.ptp(moves["Y.qr"]) == 0.0

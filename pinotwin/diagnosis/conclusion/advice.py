@@ -142,17 +142,18 @@ def _of_other_state(c: Comparison, open_axes: Collection[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Visited:
-    """The limits of the moves that a log has shown of an axis."""
+    """The limits of the moves that a log has shown of an axis; it gets up to its speed within its travel."""
 
     limits: Mapping[str, Limits]
 
     @classmethod
     def of(cls, motion: Motion, axis: str) -> _Visited:
         j = motion.index(axis)
-        q, v, a = motion.q[:, j], np.abs(motion.v[:, j]), np.abs(motion.a[:, j])
-        jerk = np.abs(np.diff(motion.a[:, j])) / motion.step
-        top, push, jolt = float(v.max()), float(np.quantile(a, 0.995)), float(np.quantile(jerk, 0.995))
-        return cls({axis: Limits(top, push, jolt, (float(q.min()), float(q.max())))})
+        q, v, a = (x[:, j] for x in (motion.q, motion.v, motion.a))
+        top, travel = max(float(np.abs(v).max()), 1e-6), max(float(np.ptp(q)), 1e-6)
+        push = max(float(np.quantile(np.abs(a), 0.995)), top**2 / travel)
+        jolt = max(float(np.quantile(np.abs(np.diff(a)), 0.995)) / motion.step, push**2 / top)
+        return cls({axis: Limits(top, push, jolt, (float(q.min()), float(q.min()) + travel))})
 
 
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:

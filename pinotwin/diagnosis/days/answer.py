@@ -214,11 +214,9 @@ class Answer:
         acts = [y for y in (*efforts, *(each for _, each in self.between.values())) if id(x) in y]
         before = [id(y) for y in self.named[: self.named.index(x)]]
         left = [max(1.0 - sum(y.get(k, 0.0) for k in before), 1e-300) for y in acts]
-        forms = [
-            SETTINGS.trace**2 * max(y.values()) * (1.0 - y[id(x)] / z)
-            for y, z in zip(acts, left, strict=True)
-        ]
-        large = [y[id(x)] > max(self.c.worth, form) for y, form in zip(acts, forms, strict=True)]
+        rest = [max(y.values()) * (1.0 - y[id(x)] / z) for y, z in zip(acts, left, strict=True)]
+        form = SETTINGS.trace**2
+        large = [y[id(x)] > max(self.c.worth, form * z) for y, z in zip(acts, rest, strict=True)]
         return any(large) or not acts or x.row.closed.get("law", 0.0) > self.c.worth
 
     def _law(self, rows: Sequence[Row], axis: str) -> Shrink:
