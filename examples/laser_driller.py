@@ -71,7 +71,7 @@ def print_counts(twin: pt.Twin) -> None:
         own = [row for row in twin.parameters if row.effect.startswith(f"{axis}.")]
         assert loop.fit is not None
         searched = sum(row.kind == "shape" for row in own) + len(loop.fit.parameters)
-        numerators = sum(len(v) for v in loop.fit.numerator_errors.values())
+        numerators = sum(len(loop.numerator(o, i)[0]) for o in loop.outputs for i in loop.inputs)
         solved = sum(row.kind != "shape" for row in own) + numerators
         total += searched + solved
         print(f"  {axis}: {searched} + {solved}   ({SOURCE[axis][0]} + {SOURCE[axis][1]})")

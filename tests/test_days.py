@@ -160,7 +160,7 @@ def _pulses(what: str, score: float, spread: float, worth: float) -> Row:
 def test_pulses_within_the_noise_of_the_effort_are_none_where_they_are_in_the_reading(
     rows: list[Row], stand: int
 ) -> None:
-    assert len(Case.of(rows, {}, {"X": 0.08}, 2).causes) == stand
+    assert len(Case.of(rows, {}, {"X": 0.08}).causes) == stand
 
 
 @pytest.fixture(scope="module")
@@ -302,7 +302,7 @@ def test_a_screen_names_one_cause_at_most(folder: Path, twin: pt.Twin) -> None:
 
 def test_causes_that_a_log_cannot_tell_apart_are_named_as_one() -> None:
     rows = [_friction("friction_scale", 60.0), _friction("coulomb", 59.5), _friction("viscous", 20.0)]
-    case = Case.of(rows, {}, {"X": 0.01}, 2)
+    case = Case.of(rows, {}, {"X": 0.01})
     found = named(case, np.array([0.02, 0.04, 0.5, 0.4, 0.04]), 0)
     assert found.row.name == "friction_scale"
     assert found.probability == pytest.approx(0.94 / 0.98)
@@ -313,7 +313,7 @@ def test_what_nothing_found_acts_on_is_as_open_as_before() -> None:
     at = {"X plant": 9.0, "A plant": 4.0}
 
     def open_to_nothing(touched: tuple[str, ...]) -> float:
-        case = Case.of([_friction("coulomb", 50.0)], at, {"X": 0.01}, 2, touched)
+        case = Case.of([_friction("coulomb", 50.0)], at, {"X": 0.01}, touched)
         return float(case.features({})[0, len(FEATURES) + len(GROUP_NAMES) + 1])
 
     whole, other, none = map(open_to_nothing, [(), ("X plant",), ("X plant", "A plant")])

@@ -316,23 +316,6 @@ def test_intervals_cover_the_truth():
     assert low <= np.sum(hits) <= high
 
 
-def test_numerator_errors_match_the_scatter():
-    truth = cascade()
-    qr, vr, ar, d, y = record(truth, 4, 3.0, straight=True)
-    structure = Structure(feedforward_poles=(250.0, 250.0))
-    rng = np.random.default_rng(5)
-    values, errors = [], []
-    start = None
-    for _ in range(25):
-        data = LoopData(STEP, qr, d, y + 0.02 * y.std(axis=0) * rng.standard_normal(y.shape), vr=vr, ar=ar)
-        model = identify_loop(data, structure, starts=start)
-        start = np.log([model.sections[0].values[0], *model.sections[1].values])[None]
-        values.append(model.numerator("e", "d")[0])
-        errors.append(model.fit.numerator_errors["e/d"])
-    ratio = np.mean(errors, axis=0) / np.std(values, axis=0, ddof=1)
-    assert np.all((ratio > 0.6) & (ratio < 1.6))
-
-
 def test_broken_dictionaries_are_refused():
     model = random_model(np.random.default_rng(0))
     values = model.to_dict()

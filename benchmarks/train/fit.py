@@ -1,6 +1,6 @@
 """Train the decision on evidence rows, whole machines left out.
 
-A line of a file of rows is a question: machine, case, kind, open, noise, logs, rows (each with ``right``), and the rows
+A line of a file of rows is a question: machine, case, kind, open, noise, rows (each with ``right``), and the rows
 beside the best right cause (``second``). Printed is what is said on machines that the weights have not seen.
 """
 
@@ -48,7 +48,7 @@ class Asked:
             ]
         opened = line["open"] if first else line["second"][0]["open"]
         touched = () if first else line["second"][0]["touched"]
-        self.case = Case.of([r for r, _ in every], opened, line["noise"], line["logs"], touched)
+        self.case = Case.of([r for r, _ in every], opened, line["noise"], touched)
         right = {id(r) for r, yes in every if yes}
         self.right = [k + 2 for k, r in enumerate(self.case.causes) if id(r) in right]
         best = max((self.case.causes[k - 2].score for k in self.right), default=-99.0)

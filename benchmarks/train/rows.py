@@ -162,7 +162,6 @@ def _line(q: Question, is_right: Callable[[Row], bool], **what: Any) -> dict[str
         "days": q.reference.days,
         "open": dict(case.open),
         "noise": dict(case.noise),
-        "logs": case.logs,
         "rows": kept(rows),
     }
     good = [x for x in case.causes if is_right(x) and x.group not in ("recording", "limit")]

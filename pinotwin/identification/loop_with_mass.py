@@ -62,7 +62,6 @@ def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats, most
     nrmse = np.sqrt(sum(np.sum(part**2, axis=1) for part in parts) / data.rows)
     return LoopFit(
         parameters=tuple(pole_fit(p, x, int(side), variance, 1.96) for p, x, side, variance in numbers),
-        numerator_errors={},
         nrmse=dict(zip(data.output_names, nrmse.tolist(), strict=True)),
         rms=dict(zip(data.output_names, (nrmse * problem.size).tolist(), strict=True)),
         samples=data.rows,

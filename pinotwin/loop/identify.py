@@ -6,7 +6,6 @@ What a model leaves is never white: the covariance is the sandwich of :func:`pin
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -59,8 +58,8 @@ def identify_loop(
         model = LoopModel(*names, data.step, layout.structure, layout.shaped(found.x), residues)
         if not judged:
             return model
-        spread = covariance(projection, found.x, on_bound(layout, found.x) != 0)
-    fit = _judge(data, projection, found, misfit, spread, model)
+        spread = _variances(projection, found.x, on_bound(layout, found.x) != 0)
+    fit = _judge(data, projection, found, misfit, spread)
     return replace(model, fit=replace(fit, ends=ends))
 
 
@@ -77,10 +76,9 @@ def _judge(
     found: End,
     misfit: Misfit,
     spread: tuple[Floats, int],
-    model: LoopModel,
 ) -> LoopFit:
-    layout, (joint, blocks) = projection.layout, spread
-    sides, variances = on_bound(layout, found.x), np.diag(joint)[: len(found.x)]
+    layout, (variances, blocks) = projection.layout, spread
+    sides = on_bound(layout, found.x)
     quantile = float(scipy.stats.t.ppf(0.975, max(blocks - 1, 1)))
     numbers = zip(layout.parameters, found.x, sides, variances, strict=True)
     parameters = [pole_fit(p, x, int(side), variance, quantile) for p, x, side, variance in numbers]
@@ -90,7 +88,6 @@ def _judge(
     size = np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
     return LoopFit(
         parameters=tuple(parameters),
-        numerator_errors=_numerator_errors(model, found.x, joint, projection),
         nrmse=dict(zip(data.output_names, (rms / size).tolist(), strict=True)),
         rms=dict(zip(data.output_names, rms.tolist(), strict=True)),
         samples=data.rows,
@@ -128,39 +125,9 @@ def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _numerator_errors(
-    model: LoopModel, theta: Floats, joint: Floats, projection: Projection
-) -> Mapping[str, tuple[float, ...]]:
-    """Return standard errors of all numerator coefficients, by the delta method."""
-    layout = projection.layout
-    units = projection.scales.residue_units(layout)
-    base = np.concatenate([theta, model.residues.ravel()])
-    scale = np.concatenate([np.ones(len(theta)), units.ravel()])
-    count = len(theta)
-
-    def numerators(x: Floats) -> list[Floats]:
-        residues = x[count:].reshape(model.residues.shape)
-        moved = replace(model, sections=layout.shaped(x[:count]), residues=residues)
-        return [moved.numerator(o, i)[0] for o in model.outputs for i in model.inputs]
-
-    here = numerators(base)
-    size, axes = np.linalg.eigh(joint)
-    errors = [np.zeros_like(x) for x in here]
-    # Along each principal direction of the covariance: as many as there are free numbers.
-    for variance, axis in zip(size, axes.T, strict=True):
-        if variance <= 1e-14 * max(size[-1], 1e-300):
-            continue
-        reach = 1e-3 * math.sqrt(variance)
-        moved = numerators(base + reach * axis * scale)
-        for total, now, then in zip(errors, here, moved, strict=True):
-            total += ((then - now) / 1e-3) ** 2
-    names = [f"{o}/{i}" for o in model.outputs for i in model.inputs]
-    return {n: tuple(np.sqrt(e).tolist()) for n, e in zip(names, errors, strict=True)}
-
-
 def slopes(data: LoopData, model: LoopModel) -> Floats:
     """Return the slopes of a loop's outputs, over their RMS, by its poles and free residues, shape (rows * ny, k)."""
-    tangents = [t for t, _ in _linearised(Projection(data, model.layout, Scales.of(data)), model.theta)[0]]
+    tangents, _ = _linearised(Projection(data, model.layout, Scales.of(data)), model.theta)
     poles, rows = len(model.theta), len(tangents[0])
     own = [np.zeros((rows, len(tangents), t.shape[1] - poles)) for t in tangents]
     for k, t in enumerate(tangents):
@@ -169,34 +136,27 @@ def slopes(data: LoopData, model: LoopModel) -> Floats:
     return np.concatenate([shared, *own], axis=2).reshape(rows * len(tangents), -1)
 
 
-def covariance(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
-    """Return the covariance of logarithms and scaled residues, with bounds, shape (np,), as known; and its blocks."""
-    tangents, scores = _linearised(projection, theta)
-    ny, nc = projection.layout.outputs, projection.layout.residues
-    count = len(theta)
-    free = [t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents]
+def _variances(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
+    """Return the variances of the poles' logarithms, shape (np,), 0 of those on bounds; and blocks that tell them."""
+    tangents, residuals = _linearised(projection, theta)
+    free = [t[:, np.r_[~held, np.ones(t.shape[1] - len(theta), dtype=bool)]] for t in tangents]
     # Columns: free poles, then the free directions of the residues, output after output.
     poles = int(np.sum(~held))
     total = poles + sum(t.shape[1] - poles for t in free)
-    H, S = np.zeros((total, total)), np.zeros((len(free[0]), total))
-    T = np.zeros((count + ny * nc, total))
-    T[np.flatnonzero(~held), np.arange(poles)] = 1.0
-    at = poles
-    for k, G in enumerate(free):
-        places = np.concatenate([np.arange(poles), np.arange(at, at + G.shape[1] - poles)])
+    H, S, at = np.zeros((total, total)), np.zeros((len(free[0]), total)), poles
+    for G, left in zip(free, residuals, strict=True):
+        places = np.r_[:poles, at : at + G.shape[1] - poles]
         H[np.ix_(places, places)] += G.T @ G
-        S[:, places] += G * scores[k][:, None]
-        rows = slice(count + k * nc, count + (k + 1) * nc)
-        to_residues = tangents[k][1]
-        T[rows, :poles] = to_residues[:, :count][:, ~held]
-        T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
+        S[:, places] += G * left[:, None]
         at += G.shape[1] - poles
-    own, blocks = batch_means(H, S, poles or total, ny * len(S))
-    return T @ own @ T.T, blocks
+    own, blocks = batch_means(H, S, poles or total, len(free) * len(S))
+    variances = np.zeros(len(theta))
+    variances[~held] = np.diag(own)[:poles]
+    return variances, blocks
 
 
-def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
-    """Return per output (tangent (n, np + nz), that of the residues (nc, np + nz)), residual."""
+def _linearised(projection: Projection, theta: Floats) -> tuple[list[Floats], list[Floats]]:
+    """Return per output the tangent, shape (n, np + nz), and the residual."""
     sections = projection.layout.shaped(theta)
     discrete = discretise(sections, projection.step)
     wide = projection.filtered(discrete)
@@ -208,15 +168,13 @@ def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Float
     phi = rows[:, columns.phi]
     for k, c in enumerate(misfit.residues):
         ties = projection.layout.ties(sections, k, projection.scales.gains(k))
-        directions, moves = ties.particular()[1], ties.moves(c)
         slopes = np.zeros((len(rows), len(theta)))
         for i, pairs in enumerate(columns.slopes):
             slopes[:, i] = rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
-        to_residues = np.concatenate([moves, directions], axis=1)
-        tangent = phi @ to_residues
+        tangent = phi @ np.concatenate([ties.moves(c), ties.particular()[1]], axis=1)
         tangent[:, : len(theta)] += slopes
         both = np.column_stack([tangent, rows[:, columns.output + k] - phi @ c])
         projection.clear_free(discrete, sections, both)
-        tangents.append((both[:, :-1], to_residues))
+        tangents.append(both[:, :-1])
         residuals.append(both[:, -1])
     return tangents, residuals

@@ -40,8 +40,6 @@ class LoopFit:
     """Result of a fit."""
 
     parameters: tuple[ParameterFit, ...]  # the searched poles
-    # standard errors of the numerators, by ``"e/d"``; same order as the coefficients
-    numerator_errors: Mapping[str, tuple[float, ...]]
     nrmse: Mapping[str, float]  # rms error over rms of the signal, by output, on the data of the fit
     rms: Mapping[str, float]  # rms error [unit of the output]
     samples: int  # number of samples

@@ -27,17 +27,13 @@ FEATURES: Mapping[str, int] = {
     "behind the best": 1,
     "ahead of rivals": 1,
     "over descriptions": 1,
-    "closed": 1,
     "cells that gain": 1,
-    "cells that carry it": 1,
-    "runs agree": 1,
     "validation": 1,
     "over its error": 1,
     "size": 1,
     "healthy day": 0,
     "numbers": -1,
     "over healthy logs": 1,
-    "over the noise": 1,
     "stays open": -1,
 }
 """What speaks for a cause, and the sign that its weight must have; 0 for either."""
@@ -50,21 +46,17 @@ class Case:
 
     Attributes:
         causes, described: rows. open: axis and equation -> misfit over a healthy one.
-        noise: axis -> noise of its effort over the effort. logs: number of stretches.
-        touched: axis and equation on which what was found acts.
+        noise: axis -> noise of its effort over the effort. touched: axis and equation on which what was found acts.
     """
 
     causes: Sequence[Row]
     described: Sequence[Row]
     open: Numbers
     noise: Numbers
-    logs: int
     touched: Collection[str] = ()
 
     @classmethod
-    def of(
-        cls, rows: Sequence[Row], open_: Numbers, noise: Numbers, logs: int, touched: Collection[str] = ()
-    ) -> Case:
+    def of(cls, rows: Sequence[Row], open_: Numbers, noise: Numbers, touched: Collection[str] = ()) -> Case:
         """Return the case of a question's rows.
 
         What gains nothing, or a validation log contradicts, is no cause. Neither is what acts at instants or places,
@@ -81,7 +73,7 @@ class Case:
             return r.worth >= 2.0 * noise.get(r.axis, 0.0) or not (read or r.spread < 8.0)
 
         causes = [r for r in rows if r.group != "describe" and stands(r)]
-        return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, logs, touched)
+        return cls(causes, [r for r in rows if r.group == "describe"], open_, noise, touched)
 
     @property
     def apart(self) -> dict[str, float]:
@@ -142,31 +134,23 @@ class Case:
     def _speaks(self, r: Row, top: float, null: Numbers) -> list[float]:
         gain, day = max(sum(r.by.values()), 1e-9), r.by.get("day", 0.0)
         words = [x.score for x in self.described if x.axis == r.axis]
-        searched, transform = r.group in ("time", "place"), r.group in ("recording", "limit")
-        worst, best = min(r.logs), max(*r.logs, 1e-9)
         size = {"law": min(r.worth, abs(r.theta)), "play": abs(r.theta)}.get(r.group, r.worth)
         main = max(r.closed, key=lambda e: r.by[e], default="")
-        left = {k: x for k, x in self._left(r).items() if k.endswith(f" {main}")}
-        off, stays = max([(max(self.open[k], 1.0), x) for k, x in left.items()], default=(1.0, 1.0))
+        left = [x for k, x in self._left(r).items() if k.endswith(f" {main}")]
         foretold = 0.0 if r.valid is None else float(np.clip(r.valid / max(gain, 5.0), -1.0, 1.0))
-        loud = max(r.worth, 1e-3) / max(self.noise.get(r.axis, 1e-3), 1e-3)
         return [
             np.arcsinh(r.score / 5.0),
             -np.arcsinh((top - r.score) / 5.0),
             np.arcsinh((r.score - self._others(r)) / 10.0),
             float(np.clip(np.arcsinh((r.score - max([*words, 0.0])) / 10.0), -4.0, 4.0)),
-            float(np.clip(np.log(off / stays), -0.5, 6.0)),
             r.positive,
-            np.log10(max(r.spread, 0.5)),
-            float(np.clip(worst / best, -1.0, 1.0)) if len(r.logs) > 1 else 0.5,
-            0.5 if transform else foretold,
+            0.5 if r.group in ("recording", "limit") else foretold,
             np.log10(max(r.z, 0.1)),
             float(np.clip(np.log10(max(size, 1e-3)), -2.0, 0.5)),
             np.arcsinh(day / 10.0) if day > 0.0 else 5.0 * max(day / max(gain, 5.0), -1.0),
             float(np.log(r.count)),
             np.arcsinh((r.score - null.get(r.group, 10.0)) / 5.0),
-            float(np.clip(np.log10(loud), -1.0, 1.0)) if searched else 0.0,
-            float(np.log(min(max([1.0, *left.values()]), 1e2))),
+            float(np.log(min(max([1.0, *left]), 1e2))),
         ]
 
 

@@ -77,7 +77,7 @@ def evidence(
     rows.sort(key=by_score)
     opened = {f"{axis} {equation}": x for (axis, equation), x in asked.open.items()}
     touched = {f"{axis} {equation}" for f in found for axis, each in f.acts.items() for equation in each[0]}
-    return case_of(q.reference, rows, opened, len(q.logs), touched), rows, asked
+    return case_of(q.reference, rows, opened, touched), rows, asked
 
 
 @cache
@@ -113,11 +113,11 @@ def _beyond(own: float, row: Row, logs: Sequence[Stretch]) -> float:
 
 
 def case_of(
-    r: Reference, rows: Sequence[Row], opened: Mapping[str, float], logs: int, touched: Collection[str] = ()
+    r: Reference, rows: Sequence[Row], opened: Mapping[str, float], touched: Collection[str] = ()
 ) -> Case:
     """Return rows as the decision reads them; ``opened`` is axis and equation -> misfit over a healthy one [1]."""
     noise = {k: float(np.mean([s.axes[k]["raw"][0] for s in r.logs])) for k in r.axes}
-    return Case.of(rows, opened, noise, logs, touched)
+    return Case.of(rows, opened, noise, touched)
 
 
 def judge(
