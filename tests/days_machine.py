@@ -48,6 +48,10 @@ class Day:
     sticks: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # axis -> dry friction at rest over that in motion, less 1, and the speed at which it has gone [m/s, rad/s]
+    forward: dict[str, float] = field(
+        default_factory=dict
+    )  # axis -> share of the speed fed forward, usually 0.9
+    ki: dict[str, float] = field(default_factory=dict)  # axis -> factor of the integral gain
     late: dict[str, int] = field(default_factory=dict)  # axis -> rows by which its controller acts late
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia
     ahead: float = 0.0  # acceleration feed-forward of both controllers, over the inertia they are told
@@ -79,7 +83,8 @@ def run(day: Day) -> dict[str, np.ndarray]:
     kp = [40.0 * day.kp.get("X", 1.0), 45.0 * day.kp.get("A", 1.0)]
     arm, turned = ARM + day.load, INERTIA + day.load * REACH**2
     told = (CARRIAGE + arm) / (CARRIAGE + ARM), turned / INERTIA
-    kv, ki = (1800.0 * told[0], 22.0 * told[1]), (70000.0 * told[0], 900.0 * told[1])
+    kv = (1800.0 * told[0], 22.0 * told[1])
+    ki = [x * told[j] * day.ki.get(k, 1.0) for j, (k, x) in enumerate([("X", 70000.0), ("A", 900.0)])]
     give = [day.motor.get(k, 1.0) for k in "XA"]
     more, slow = zip(*(day.sticks.get(k, (0.0, 1.0)) for k in "XA"), strict=True)
     step, wanted = (1e-6, 2e-6), [[0.0] * day.late.get(k, 0) for k in "XA"]
@@ -88,7 +93,7 @@ def run(day: Day) -> dict[str, np.ndarray]:
     for i in range(n):
         seen = [round(q[j] / step[j]) * step[j] for j in (0, 1)]
         for j, k in enumerate("XA"):
-            wish = kp[j] * (qr[i, j] - seen[j]) + 0.9 * vr[i, j] - v[j]
+            wish = kp[j] * (qr[i, j] - seen[j]) + day.forward.get(k, 0.9) * vr[i, j] - v[j]
             most, loss, since = day.limit.get(k, (math.inf, 0.0, 0.0))
             most = math.inf if i / RATE < since else most - loss * abs(v[j]) * (u[j] * v[j] > 0.0)
             asked = kv[j] * wish + total[j] + ki[j] * wish / RATE + (CARRIAGE + arm, turned)[j] * ar[i, j]

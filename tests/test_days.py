@@ -21,7 +21,7 @@ from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case
 from pinotwin.diagnosis.days.forms import _polished
 from pinotwin.diagnosis.days.judge import Named, evidence, named
-from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.law import TERMS, Law
 from pinotwin.diagnosis.days.mechanisms import READ, bodies
 from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
@@ -31,7 +31,7 @@ from pinotwin.diagnosis.days.score import Cells, score
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.log import Log
-from tests.days_machine import Day, machine, write
+from tests.days_machine import ARM, CARRIAGE, INERTIA, Day, machine, write
 from tests.invariants import invariants
 
 
@@ -420,6 +420,61 @@ def test_a_controller_that_does_nothing_near_its_command_has_a_dead_band(
     assert found.effects[0].size[0].after == pytest.approx(band, rel=0.15)
 
 
+@pytest.mark.parametrize(
+    ("field", "off", "on", "effect", "before", "after"),
+    [
+        ("forward", None, {"X": 0.8}, "velocity_feedforward.share", 0.9, 0.8),
+        ("forward", {"X": 0.0}, {"X": 0.9}, "velocity_feedforward.share", 0.0, 0.9),
+        ("ki", {"X": 0.0}, {"X": 1.0}, "integral.ki", 0.0, 70000.0),
+    ],
+)
+def test_a_number_of_the_controller_may_have_been_off(
+    folder: Path,
+    twin: pt.Twin,
+    field: str,
+    off: dict[str, float] | None,
+    on: dict[str, float],
+    effect: str,
+    before: float,
+    after: float,
+) -> None:
+    if off is not None:
+        days = [Day(command=10 + k, noise=20 + k, **{field: off}) for k in range(3)]
+        twin = pt.identify(twin.machine, [str(write(folder, f"off_{k}", day)) for k, day in enumerate(days)])
+    found = _asked(folder, twin, f"{field}_{on}", **{field: on})
+    assert [(e.effect, e.axis) for e in found.effects] == [(effect.partition(".")[0], "X")]
+    size = found.effects[0].size[0]
+    assert (size.name, found.verdict) == (effect, "explained")
+    assert (size.before, size.after) == pytest.approx((before, after), rel=0.05, abs=0.03 * after)
+    assert found.effects[0].shrink["e"].share > 0.98
+
+
+def test_an_acceleration_feed_forward_that_was_off_is_an_inertia(folder: Path, twin: pt.Twin) -> None:
+    found = _asked(folder, twin, "told", ahead=0.9)
+    assert {(e.effect, e.axis) for e in found.effects} == {("acceleration_feedforward", k) for k in "XA"}
+    sizes = {e.axis: e.size[0] for e in found.effects}
+    for axis, inertia in (("X", CARRIAGE + ARM), ("A", INERTIA)):
+        assert (sizes[axis].before / inertia, sizes[axis].after / inertia) == pytest.approx(
+            (0.0, 0.9), abs=0.03
+        )
+        assert sizes[axis].unit == {"X": "kg", "A": "kg·m²"}[axis]
+
+
+@pytest.mark.parametrize(
+    ("share", "proportional", "integrated"),
+    [(0.92, 1.0, True), (0.92, 0.25, True), (0.0, 1.0, True), (0.9, 1.0, False)],
+)
+def test_the_share_of_a_feed_forward_is_told_by_what_the_loop_integrates(
+    share: float, proportional: float, integrated: bool
+) -> None:
+    kv, ki, kp = 60.0, 2400.0, 55.0
+    gains = {"e": kv * kp + ki, "ie": ki * kp, "v": -kv, "vr": proportional * share * kv}
+    gains["qr"] = ki * (share * integrated - 1.0)
+    found = Law(np.array([gains.get(k, 0.0) for k in TERMS]))
+    assert found.cascade == pytest.approx((kp, ki))
+    assert found.ahead == pytest.approx((share, proportional * kv, ki * integrated), rel=1e-2, abs=1e-9)
+
+
 def test_a_controller_that_acts_late_is_a_delay_though_its_effort_is_what_the_plant_needs(
     folder: Path, twin: pt.Twin
 ) -> None:
@@ -479,7 +534,7 @@ def test_a_law_is_split_into_its_cascade(ahead: float) -> None:
     assert law.gains[-1] == pytest.approx(ki * (ahead > 0.0), rel=1e-6)
     assert law.cascade
     assert law.stable
-    assert (law.kp, law.ki) == (pytest.approx(kp, rel=1e-6), pytest.approx(ki, rel=1e-6))
+    assert law.cascade == pytest.approx((kp, ki), rel=1e-6)
 
 
 def test_whitening_recovers_an_autoregression() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from pinotwin.arrays import Mask
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import ENCODER, GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
@@ -158,8 +159,8 @@ def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
 def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
     dry, viscous = at.friction("dry"), at.friction("viscous")
-    law = at.reference.laws.get(at.axis)
-    kp = 0.0 if law is None else law.kp
+    law = at.reference.laws.get(at.axis, Law())
+    (kp, ki), kv = law.cascade, -float(law.gains[2])
     stiff = -1.0 / min(float(at.reference.twists.get(at.axis, -np.ones(1))[0]), -1e-300)
     per, mass = f"{at.force}·s/{at.length}", "kg·m²" if at.length == "rad" else "kg"
     table = {
@@ -176,7 +177,15 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
-        "dead_band": ("dead_band.half_width", 0.0, 1.0 if law is None else at.spread("e"), at.length),
+        "velocity_feedforward": ("velocity_feedforward.share", law.ahead[0], 1.0, "-"),
+        "acceleration_feedforward": (
+            "acceleration_feedforward.inertia",
+            float(law.gains[5]),
+            law.inertia,
+            mass,
+        ),
+        "integral": ("integral.ki", ki, kv * kp, f"{at.force}/{at.length}"),
+        "dead_band": ("dead_band.half_width", 0.0, at.spread("e") if kv else 1.0, at.length),
         "zero": ("zero.shift", 0.0, 1.0, at.length),
         "encoder_step": ("encoder_step.step", 0.0, ENCODER, at.length),
         "encoder_scale": ("encoder_scale.error", 0.0, ENCODER, "1"),
@@ -187,7 +196,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
     found = table.get(name, table.get(effect_of(name)))
-    plain = found is None or (name == "position_gain" and not kp)
+    plain = found is None or (name in ("position_gain", "integral") and not kp)
     return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
 
 

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.forms import parts as parts_of
-from pinotwin.diagnosis.days.law import FOLLOWS, Law
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import READ
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.stretch import VISCOUS
@@ -36,11 +36,12 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
         return twin  # the machine is as it was
     if row.group == "law":
         gains = laws[axis].numbers().get(row.name)
-        return None if gains is None else _turned(twin, axis, row.theta * gains)
+        return None if gains is None else _turned(twin, axis, row.theta * gains, laws[axis])
     if row.name == "payload":
         twin = loaded_twin(twin, axis, physical(plain_body(row.numbers)))
         for name, gain in zip(laws, row.numbers[5:], strict=False):  # of controllers that are told
-            twin = _turned(twin, name, gain * sum(laws[name].numbers()[x] for x in FOLLOWS)) or twin
+            added = gain * sum(x * laws[name].numbers()[k] for k, x in laws[name].follows.items())
+            twin = _turned(twin, name, added, laws[name]) or twin
         return twin
     if row.group == "form" and row.form is not None:
         covariance = block_diag(twin.covariance, np.diag((row.errors * row.scale) ** 2))
@@ -60,11 +61,16 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
     return replace(twin, theta=theta, diagonal=diagonal)
 
 
-def _turned(twin: Twin, axis: str, added: Floats) -> Twin | None:
-    """Return the twin with what a change adds to the gains of :data:`~pinotwin.diagnosis.days.law.TERMS`."""
+def _turned(twin: Twin, axis: str, added: Floats, law: Law) -> Twin | None:
+    """Return the twin with what a change adds to the gains of a law, shape (9,), in the scale of its own controller.
+
+    How a loop follows tells the gains of its controller but for a scale: that of the gain that acts longest.
+    """
     if axis not in twin.servos or preferred(twin) != "coupled":
         return None
-    e, integral, v, _, vr, ar, _, qr, _ = added
     servo = twin.servos[axis]
+    own, logged = servo.gains[:2], law.gains[:2]
+    slow = int(min(own[1], law.cascade[1]) > 0.0)
+    e, integral, v, _, vr, ar, _, qr, _ = added * own[slow] / logged[slow]
     gains = tuple(x + y for x, y in zip(servo.gains, (e, integral, -v, vr, qr, ar), strict=True))
     return replace(twin, servos={**twin.servos, axis: replace(servo, gains=gains)})

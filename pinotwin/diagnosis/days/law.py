@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
+from pinotwin.signals import rms
 
 TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
-FOLLOWS = ("loop_gain", "acceleration_feedforward")
-"""Numbers of a controller that follow the load which it is told of."""
 SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
 """Gains that a controller can have, any where none are listed; a copy of the plant has others."""
+OFF = 0.05  # share of a speed [1]: a feed-forward of less, or an integral gain of less than its square of e, is off
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +24,11 @@ class Law:
     """``u = sum of gains times terms + a constant of every log``.
 
     Attributes:
-        gains: of :data:`TERMS`, shape (9,), SI.
-        cascade: whether the gains are those of a position loop around a velocity loop with an integral:
-            ``kp kv e + ki (e + kp int e) - kv v``.
-        kp: position gain of the cascade [1/s]. ki: its integral gain [N/m or N·m/rad]; both 0 of other laws.
+        gains: of :data:`TERMS`, shape (9,), SI. inertia: the unit of an acceleration feed-forward [kg or kg·m²].
     """
 
-    gains: Floats
-    cascade: bool
-    kp: float
-    ki: float
+    gains: Floats = field(default_factory=lambda: np.zeros(len(TERMS)))
+    inertia: float = 1.0
 
     @classmethod
     def fitted(cls, logs: Sequence[Columns], *, signed: bool = False) -> Law:
@@ -46,30 +42,77 @@ class Law:
         bounds = np.transpose([(SIGNS if signed else {}).get(k, (-np.inf, np.inf)) for k in TERMS])
         gains = _solved(X, y, bounds)
         for _ in range(3 if X[:, -1].any() else 0):  # ki comes nearer by a hundred times in each
-            ki = _cascade(gains)[2]
+            ki = cls(gains).cascade[1]
             gains = np.append(_solved(X[:, :-1], y - ki * X[:, -1], bounds[:, :-1]), ki)
-        return cls(gains, *_cascade(gains))
+        return cls(gains, rms(y) / max(rms(X[:, TERMS.index("ar")]), np.finfo(float).tiny))
+
+    @cached_property
+    def cascade(self) -> tuple[float, float]:
+        """Position gain [1/s] and integral gain [N/m or N·m/rad] of ``kp kv e + ki (e + kp int e) - kv v``, else 0.
+
+        ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed has
+        kv f of a velocity feed-forward f; the command ki (f - 1), or -ki where f is not integrated. That tells which.
+        """
+        e, integral, kv, forward, weight = self.gains[[0, 1, 2, 4, 7]] * (1.0, 1.0, -1.0, 1.0, 1.0)
+        inside = e**2 - 4.0 * kv * integral
+        if inside < -0.3 * e**2 or kv <= 0.0:
+            return 0.0, 0.0
+        roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
+        ahead = forward / kv, 0.0
+        kp = float(min(roots, key=lambda kp: min(abs((e - kv * kp) * (f - 1.0) - weight) for f in ahead)))
+        ki = float(e - kv * kp)
+        # Where noise made the root a double one, the integral knows the position gain better.
+        return (float(integral / ki), ki) if ki > OFF**2 * e else (float(e / kv), 0.0)
 
     @property
     def stable(self) -> bool:
         """Whether damping, stiffness and integral have the signs of a controller: a copy of the plant has not."""
         return bool(self.gains[2] < 0.0 < self.gains[0] and self.gains[1] > -0.1 * self.gains[0])
 
+    @property
+    def ahead(self) -> tuple[float, float, float]:
+        """The share of the command's speed that is fed forward [1], and what a whole share adds to the gains vr and qr.
+
+        What the loop integrates tells the share, unless it integrates none of it. Of one that is off, nothing tells how
+        much of its proportional part it has: all.
+        """
+        kv, ki = max(-self.gains[2], np.finfo(float).tiny), self.cascade[1]
+        direct = self.gains[4] / kv
+        share = 1.0 + self.gains[7] / ki if ki else -np.inf
+        integrated = share > direct / 2.0 - OFF
+        share = share if integrated else direct
+        weight = (direct * share + OFF**2) / (share**2 + OFF**2)
+        return float(share), float(weight * kv), ki * integrated
+
+    @property
+    def follows(self) -> dict[str, float]:
+        """What a controller that is told of a load changes with it: name of a number -> change for a gain of 1 [1]."""
+        return {"loop_gain": 1.0, "acceleration_feedforward": float(self.gains[5]) / self.inertia}
+
     def effort(self, c: Columns) -> Floats:
         """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
         return np.asarray(np.column_stack([c[k] for k in TERMS]) @ self.gains)
 
     def numbers(self) -> dict[str, Floats]:
-        """Return what a relative change of each number of the controller adds to the gains, shape (9,) each."""
-        e, integral, damping, _, forward, ahead, _, weight, lead = self.gains
-        outer, inside = (-damping * self.kp, 1.0) if self.cascade else (e, 0.0)
+        """Return what a change of each number of the controller adds to the gains, shape (9,) each.
+
+        Of what may have been off it is no relative one: a velocity feed-forward is a share, that of the acceleration a
+        part of ``inertia``, and the integral gain of a cascade a part of the gain by which a speed follows an error.
+        """
+        e, integral, damping, _, forward, _, _, weight, lead = self.gains
+        kp, ki = self.cascade
+        outer, inside = (-damping * kp, 1.0) if kp else (e, 0.0)
+        share, at_once, later = self.ahead
+        more = weight / ki if ki else share - 1.0
         added: dict[str, dict[str, float]] = {
             "position_gain": {"e": outer, "ie": inside * integral},
             "proportional_gain": {"e": outer, "vr": forward, "v": damping},
             "loop_gain": {"e": e, "ie": integral, "vr": forward, "v": damping, "qr": weight, "lead": lead},
-            "integral": {"e": self.ki, "ie": integral, "qr": inside * weight, "lead": lead},
-            "velocity_feedforward": {"vr": forward, "qr": inside * weight + self.ki},
-            "acceleration_feedforward": {"ar": ahead},
+            "integral": {"e": outer, "ie": outer * kp, "qr": outer * more, "lead": outer}
+            if kp
+            else {"ie": integral},
+            "velocity_feedforward": {"vr": at_once, "qr": later},
+            "acceleration_feedforward": {"ar": self.inertia},
         }
         return {name: np.array([x.get(k, 0.0) for k in TERMS]) for name, x in added.items()}
 
@@ -91,19 +134,3 @@ def _solved(X: Floats, y: Floats, bounds: Floats) -> Floats:
     scale = np.abs(X).max(axis=0)
     scale[scale < np.finfo(float).eps] = np.inf
     return np.asarray(lsq_linear(X / scale, y, bounds, method="bvls").x / scale)
-
-
-def _cascade(gains: Floats) -> tuple[bool, float, float]:
-    """Return whether a law is a cascade, its position gain and integral gain.
-
-    ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed has kv f
-    of a velocity feed-forward f; the command has ki (f - 1), or -ki where f is not integrated: that tells the root.
-    """
-    e, integral, kv, forward, weight = gains[0], gains[1], -gains[2], gains[4], gains[7]
-    inside = e**2 - 4.0 * kv * integral
-    if inside < -0.3 * e**2 or kv <= 0.0:
-        return False, 0.0, 0.0
-    roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
-    ahead = forward / kv, 0.0
-    kp = float(min(roots, key=lambda kp: min(abs((e - kv * kp) * (f - 1.0) - weight) for f in ahead)))
-    return True, kp, float(e - kv * kp)

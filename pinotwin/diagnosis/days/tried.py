@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days import law
 from pinotwin.diagnosis.days.courses import Course, courses, since
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import forms
 from pinotwin.diagnosis.days.healthy import Shapes
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import (
     GROWS,
     READ,
@@ -74,7 +74,7 @@ class Tried:
                 self._search(left, name, each)
             if (name, "law") in q.left[0]:
                 each = [x | _misread(x) for x in each]
-            each = [x | _told(x, name, list(r.laws)) for x in each]
+            each = [x | _told(x, name, r.laws) for x in each]
             for k, s in enumerate(q.logs if not self.found else ()):
                 told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
                 each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
@@ -124,7 +124,7 @@ class Tried:
                 acts |= {cause: {"plant": x[k][name]} for cause, x in wide.items()}
                 acts |= self._known(s, name)
                 acts |= _misread(acts) if (name, "law") in left else {}
-                acts |= _told(acts, name, list(r.laws))
+                acts |= _told(acts, name, r.laws)
                 each.append({k: x for k, x in acts.items() if k not in GROWS})
             out[name] = _shared(each)
         return out
@@ -151,7 +151,7 @@ def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
     return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items() if group_of(k) in MISREAD}
 
 
-def _told(acts: dict[str, Acts], name: str, laws: Sequence[str]) -> dict[str, Acts]:
+def _told(acts: dict[str, Acts], name: str, laws: Mapping[str, Law]) -> dict[str, Acts]:
     """Return a body whose controllers are told of it: the gains of each follow by a number of its own."""
     if "payload" not in acts or not laws:
         return {}
@@ -159,7 +159,8 @@ def _told(acts: dict[str, Acts], name: str, laws: Sequence[str]) -> dict[str, Ac
     out = {"plant": np.column_stack([body, np.zeros((len(body), len(laws)))])}
     if "loop_gain" in acts:
         out["law"] = np.zeros_like(out["plant"])
-        out["law"][:, body.shape[1] + laws.index(name)] = sum(acts[x]["law"] for x in law.FOLLOWS)
+        follows = laws[name].follows.items()
+        out["law"][:, body.shape[1] + list(laws).index(name)] = sum(x * acts[k]["law"] for k, x in follows)
     return {f"payload:{TOLD}": out}
 
 
