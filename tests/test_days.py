@@ -28,6 +28,7 @@ from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, score
+from pinotwin.diagnosis.days.stretch import _clear
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.log import Log
@@ -473,6 +474,19 @@ def test_the_share_of_a_feed_forward_is_told_by_what_the_loop_integrates(
     found = Law(np.array([gains.get(k, 0.0) for k in TERMS]))
     assert found.cascade == pytest.approx((kp, ki))
     assert found.ahead == pytest.approx((share, proportional * kv, ki * integrated), rel=1e-2, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("speed", "pull", "tells"),
+    [(1.488e-3, 0.0, False), (1.3e-3, 0.0, True), (1.488e-3, 1.0, True), (1e-5, 0.0, True)],
+    ids=["24 Hz below the third multiple of 1 kHz", "400 Hz", "passing", "slower than the log"],
+)
+def test_a_law_is_not_judged_where_steps_of_an_encoder_come_and_go_slowly(
+    speed: float, pull: float, tells: bool
+) -> None:
+    c = {k: np.full(9, x) for k, x in {"q": 0.0, "vr": speed, "ar": pull}.items()}
+    assert _clear(c, 1e-3, 5e-7).tolist() == [float(tells)] * 9
+    assert _clear(c, 1e-3, 0.0).all()  # steps that nobody knows
 
 
 def test_a_controller_that_acts_late_is_a_delay_though_its_effort_is_what_the_plant_needs(

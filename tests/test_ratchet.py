@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_034,
+    lines: 55_031,
     module_numbers: 104,
     numbers_without_unit: 291,
     stories: 5,

@@ -17,7 +17,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import density
 from pinotwin.diagnosis.days.stretch import Stretch, combined
-from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.diagnosis.days.whitening import COUNTED, Whitening, settled
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms, runs
 
@@ -168,7 +168,7 @@ def spells(
     ``key``: axis and equation; ``row``: of the cause, without a name of what leaves more than a healthy day; ``found``:
     other causes, which are taken off first.
     """
-    w, counts = r.whitenings[key], [s.axes[key[0]]["moving" if key[1] == "plant" else "one"] for s in logs]
+    w, counts = r.whitenings[key], [s.axes[key[0]][COUNTED[key[1]]] for s in logs]
     left = r.left(logs, *key)
     for f in [f for f in found if key[1] in f.acts.get(key[0], [{}])[0]]:
         left = [y - combined(x[key[1]], f.numbers) for y, x in zip(left, f.acts[key[0]], strict=True)]

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
-from pinotwin.diagnosis.days.whitening import Whitening, settled
+from pinotwin.diagnosis.days.whitening import COUNTED, Whitening, settled
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.identification.misfit import own_residual
@@ -173,7 +173,7 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
                     widths[name] |= more
                     table = tables[name, equation] = shared_shape(columns, rest)
                     rest = [x - np.interp(c["q"], *table) for c, x in zip(columns, rest, strict=True)]
-                whitenings[name, equation] = Whitening.measured(rest, [c["one"] for c in columns])
+                whitenings[name, equation] = Whitening.measured(rest, [c[COUNTED[equation]] for c in columns])
         if name in laws:
             effort = float(np.std(np.concatenate([c["u"] for c in columns])))
             if not (laws[name].stable and whitenings[name, "law"].sigma <= 0.1 * effort):

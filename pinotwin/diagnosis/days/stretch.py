@@ -126,6 +126,8 @@ def _stretch(
         speed = top.get(name)
         columns = {**_axis(m, j, speed), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
         columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
+        servo = twin.servos.get(name)
+        columns["clear"] = _clear(columns, m.step, servo.encoder[0] if servo else 0.0)
         found[name] = {k: x[rows] for k, x in columns.items()}
         noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
         found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j]}
@@ -171,6 +173,15 @@ def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
         watched = bool(m.on_load) and m.on_load[j]
         out["lead"] = out["gap"] if watched and "gap" in out else np.zeros(len(t))
     return out
+
+
+def _clear(c: Columns, cycle: float, step: float) -> Floats:
+    """Return 0 on rows at which sampled steps of an encoder come and go slowly, not as the controller's, else 1."""
+    if not step or "vr" not in c:
+        return np.ones(len(c["q"]))
+    passes, often = 2.0 * corner(1.0 / cycle), np.abs(c["vr"]) / step  # [Hz]
+    slowly = np.abs(often - np.round(often * cycle) / cycle) < passes
+    return np.asarray(1.0 - slowly * (often > 0.5 / cycle) * (np.abs(c["ar"]) / step < passes**2))
 
 
 VISCOUS = ("viscous", "viscous_asymmetric", "viscous_thermal", "quadratic_drag")

@@ -11,6 +11,9 @@ from scipy.signal import lfilter
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.settings import SETTINGS
 
+COUNTED = {"plant": "moving", "law": "clear", "encoders": "one"}
+"""Equation -> channel that is 1 on rows that count."""
+
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
@@ -46,7 +49,8 @@ class Whitening:
 
     def counts(self, c: Mapping[str, Floats], equation: str) -> Floats:
         """Return what a whitened row of an equation counts, (n,): 1, and less where an axis turns round."""
-        return settled(c["moving"]) + turned(c) / self.turning if equation == "plant" else settled(c["one"])
+        rows = settled(c[COUNTED[equation]])
+        return rows + turned(c) / self.turning if equation == "plant" else rows
 
     @classmethod
     def measured(cls, left: Sequence[Floats], masks: Sequence[Floats]) -> Whitening:
