@@ -53,8 +53,8 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_031,
-    module_numbers: 104,
+    lines: 55_028,
+    module_numbers: 103,
     numbers_without_unit: 291,
     stories: 5,
 }

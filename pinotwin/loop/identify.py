@@ -71,11 +71,7 @@ def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
 
 
 def _judge(
-    data: LoopData,
-    projection: Projection,
-    found: End,
-    misfit: Misfit,
-    spread: tuple[Floats, int],
+    data: LoopData, projection: Projection, found: End, misfit: Misfit, spread: tuple[Floats, int]
 ) -> LoopFit:
     layout, (variances, blocks) = projection.layout, spread
     sides = on_bound(layout, found.x)

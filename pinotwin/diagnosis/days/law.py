@@ -11,12 +11,12 @@ from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.stretch import Columns
+from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms
 
 TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
 SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
 """Gains that a controller can have, any where none are listed; a copy of the plant has others."""
-OFF = 0.05  # share of a speed [1]: a feed-forward of less, or an integral gain of less than its square of e, is off
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ class Law:
         kp = float(min(roots, key=lambda kp: min(abs((e - kv * kp) * (f - 1.0) - weight) for f in ahead)))
         ki = float(e - kv * kp)
         # Where noise made the root a double one, the integral knows the position gain better.
-        return (float(integral / ki), ki) if ki > OFF**2 * e else (float(e / kv), 0.0)
+        told = ki > SETTINGS.told["law"] * kv * kp
+        return (float(integral / ki), ki) if told else (float(e / kv), 0.0)
 
     @property
     def stable(self) -> bool:
@@ -76,18 +77,21 @@ class Law:
         What the loop integrates tells the share, unless it integrates none of it. Of one that is off, nothing tells how
         much of its proportional part it has: all.
         """
-        kv, ki = max(-self.gains[2], np.finfo(float).tiny), self.cascade[1]
+        kv, ki, least = max(-self.gains[2], np.finfo(float).tiny), self.cascade[1], SETTINGS.share
         direct = self.gains[4] / kv
-        share = 1.0 + self.gains[7] / ki if ki else -np.inf
-        integrated = share > direct / 2.0 - OFF
-        share = share if integrated else direct
-        weight = (direct * share + OFF**2) / (share**2 + OFF**2)
-        return float(share), float(weight * kv), ki * integrated
+        share = 1.0 + self.gains[7] / ki if ki else direct
+        if direct**2 > least and share < direct / 2.0:
+            share, ki = direct, 0.0
+        weight = direct / share if share**2 > least else 1.0
+        return float(share), float(weight * kv), ki
 
     @property
     def follows(self) -> dict[str, float]:
         """What a controller that is told of a load changes with it: name of a number -> change for a gain of 1 [1]."""
-        return {"loop_gain": 1.0, "acceleration_feedforward": float(self.gains[5]) / self.inertia}
+        return {
+            "loop_gain": 1.0,
+            "acceleration_feedforward": float(self.gains[TERMS.index("ar")]) / self.inertia,
+        }
 
     def effort(self, c: Columns) -> Floats:
         """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
@@ -101,11 +105,11 @@ class Law:
         """
         e, integral, damping, _, forward, _, _, weight, lead = self.gains
         kp, ki = self.cascade
-        outer, inside = (-damping * kp, 1.0) if kp else (e, 0.0)
+        outer = -damping * kp if kp else e
         share, at_once, later = self.ahead
         more = weight / ki if ki else share - 1.0
         added: dict[str, dict[str, float]] = {
-            "position_gain": {"e": outer, "ie": inside * integral},
+            "position_gain": {"e": outer, "ie": integral if kp else 0.0},
             "proportional_gain": {"e": outer, "vr": forward, "v": damping},
             "loop_gain": {"e": e, "ie": integral, "vr": forward, "v": damping, "qr": weight, "lead": lead},
             "integral": {"e": outer, "ie": outer * kp, "qr": outer * more, "lead": outer}

@@ -180,6 +180,7 @@ def _clear(c: Columns, cycle: float, step: float) -> Floats:
     if not step or "vr" not in c:
         return np.ones(len(c["q"]))
     passes, often = 2.0 * corner(1.0 / cycle), np.abs(c["vr"]) / step  # [Hz]
+    # An accelerated axis has left such a speed before the low-pass lets anything through.
     slowly = np.abs(often - np.round(often * cycle) / cycle) < passes
     return np.asarray(1.0 - slowly * (often > 0.5 / cycle) * (np.abs(c["ar"]) / step < passes**2))
 
