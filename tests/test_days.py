@@ -19,6 +19,7 @@ from pinotwin.diagnosis.days.causes import Place, when
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import acting, onset, spells
 from pinotwin.diagnosis.days.decision import FEATURES, GROUP_NAMES, Case
+from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.forms import _polished
 from pinotwin.diagnosis.days.judge import Named, evidence, named
 from pinotwin.diagnosis.days.law import TERMS, Law
@@ -476,6 +477,22 @@ def test_the_share_of_a_feed_forward_is_told_by_what_the_loop_integrates(
     assert found.ahead == pytest.approx((share, proportional * kv, ki * integrated), rel=1e-2, abs=1e-9)
 
 
+def test_without_a_feed_forward_the_command_tells_the_integral_beside_gains_that_noise_has_moved() -> None:
+    kp, kv, ki = 31.4, 13700.0, 287000.0
+    gains = {"e": 1.006 * (kv * kp + ki), "ie": kp * ki, "v": -1.03 * kv, "qr": -ki}
+    found = Law(np.array([gains.get(k, 0.0) for k in TERMS]))
+    assert found.cascade == pytest.approx((kp, ki))
+
+
+def test_an_effort_is_told_as_it_was_before_a_filter_of_first_order() -> None:
+    lag, step = 2e-3, 1e-3
+    t = step * np.arange(2000)
+    late = np.exp(2j * np.pi * 20.0 * t) / (1.0 + 2j * np.pi * 20.0 * lag)
+    law = Law(np.array([-lag if k == "du" else 0.0 for k in TERMS]))
+    found = law.unfiltered(np.column_stack([late.real, late.imag]), step)
+    assert found[1:-1, 0] == pytest.approx(np.cos(2.0 * np.pi * 20.0 * t)[1:-1], abs=2e-3)
+
+
 @pytest.mark.parametrize(
     ("speed", "pull", "tells"),
     [(1.488e-3, 0.0, False), (1.3e-3, 0.0, True), (1.488e-3, 1.0, True), (1e-5, 0.0, True)],
@@ -533,21 +550,37 @@ def test_rows_written_twice_are_a_fault_of_the_recording(folder: Path, twin: pt.
     assert not pt.diagnose(same, spoilt).recording  # the recorder of its own logs does so, too
 
 
-@pytest.mark.parametrize("ahead", [0.0, 1e-3])
-def test_a_law_is_split_into_its_cascade(ahead: float) -> None:
-    """Also where the position loop is closed on a load that runs ahead of its motor [m]."""
+@pytest.mark.parametrize(("ahead", "lag"), [(0.0, 0.0), (1e-3, 0.0), (0.0, 2e-3)])
+def test_a_law_is_split_into_its_cascade(ahead: float, lag: float) -> None:
+    """Also where the loop is closed on a load that runs ahead of its motor [m], and behind filters [s]."""
     rng, n = np.random.default_rng(1), 4000
     e, v, vr, a, ar, jr, qr = rng.standard_normal((7, n)) * np.array([[1e-3], [1], [1], [5], [5], [9], [1]])
     ie = np.cumsum(e) / 250.0
     kp, kv, ki = 40.0, 1800.0, 70000.0
     lead = ahead * rng.standard_normal(n)
     # kv (kp e + f vr - v) + ki int(kp e + f vr - v), and int v = q = qr - e - lead
-    u = kv * (kp * e + 0.9 * vr - v) + ki * (kp * ie + 0.9 * qr - (qr - e - lead))
-    columns = {"e": e, "ie": ie, "v": v, "a": a, "vr": vr, "ar": ar, "jr": jr, "qr": qr, "lead": lead, "u": u}
-    law = Law.fitted([columns])
+    asked = kv * (kp * e + 0.9 * vr - v) + ki * (kp * ie + 0.9 * qr - (qr - e - lead))
+    du = 1e5 * rng.standard_normal(n)
+    columns = {"e": e, "ie": ie, "v": v, "a": a, "vr": vr, "ar": ar, "jr": jr, "qr": qr, "lead": lead}
+    law = Law.fitted([columns | {"u": asked - lag * du, "du": du}])
     assert law.gains[-1] == pytest.approx(ki * (ahead > 0.0), rel=1e-6)
+    assert law.gains[TERMS.index("du")] == pytest.approx(-lag, abs=1e-9)
     assert law.stable
     assert law.cascade == pytest.approx((kp, ki), rel=1e-6)
+
+
+def test_a_misfit_grows_with_travel_and_speed_beyond_the_twins_own(twin: pt.Twin) -> None:
+    r = reference(twin, ["X", "A"])
+    assert r is not None
+    s, left = r.logs[0], r.residuals(r.logs[0])
+    c, travel = s.axes["X"], np.ptp(np.concatenate([x.axes["X"]["q"] for x in r.logs]))
+    assert r.beyond("X", r.logs) == 1.0
+    wide = replace(s, axes={**s.axes, "X": {**c, "q": 3.0 * travel / np.ptp(c["q"]) * c["q"]}})
+    fast = replace(s, axes={**s.axes, "X": {**c, "v": 5.0 * c["v"]}})
+    assert r.beyond("X", [wide]) == pytest.approx(3.0)
+    assert r.beyond("X", [s, fast]) > 3.0
+    own, beyond = (cells(r, [x], [left], "X")["plant"].gram[:, -1, -1].sum() for x in (s, wide))
+    assert own / beyond == pytest.approx(9.0)
 
 
 def test_whitening_recovers_an_autoregression() -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import pinotwin as pt
+from benchmarks.train.rows import stretches_of
 from pinotwin.diagnosis.days.decision import Decision
+from pinotwin.diagnosis.days.judge import evidence
+from pinotwin.diagnosis.days.reference import reference
+from pinotwin.diagnosis.days.row import Question
 from pinotwin.log import Log
 from tests.days_machine import RATE, Day, machine, run
 
@@ -130,6 +136,20 @@ def test_a_screw_that_grows_is_told_wherever_its_bearing_is(twin: pt.Twin, grows
     assert (found.effects[0].effect, found.effects[0].axis) == ("encoder_scale", "X")
     assert np.sign(found.effects[0].theta["error"]) == np.sign(grows)
     assert "grows" in found.sentence
+
+
+def test_what_the_motor_holds_at_rest_loads_no_spring(twin: pt.Twin) -> None:
+    r = reference(twin, ["X"])
+    assert r is not None
+    (s,) = stretches_of(r, [_day(30, 40)])
+    c = s.axes["X"]
+
+    def left_open(force: float) -> float:
+        held = s.low(force * (1.0 - c["going"]))
+        more = {**c, "u": c["u"] + held, "left": c["left"] + held}
+        return evidence(Question.of(r, [replace(s, axes={"X": more})], []))[0].open["X encoders"]
+
+    assert left_open(200.0) == pytest.approx(left_open(0.0), abs=0.1)
 
 
 def test_an_error_that_repeats_along_the_scale_is_told_with_its_pitch(twin: pt.Twin) -> None:

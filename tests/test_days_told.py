@@ -70,7 +70,7 @@ def test_a_velocity_loop_that_integrates_the_motor_has_one_gain_for_its_load() -
     c = {"e": e, "ie": np.cumsum(e) * step, "v": v, "a": np.gradient(v, step), "qr": qr, "lead": -ahead}
     c |= {"vr": np.gradient(qr, step), "u": u + 0.5 * smooth(rng.standard_normal(n), step)}
     c["ar"] = np.gradient(c["vr"], step)
-    c["jr"] = np.gradient(c["ar"], step)
+    c |= {"jr": np.gradient(c["ar"], step), "du": np.gradient(c["u"], step)}
     found = law.Law.fitted([c])
     assert found.cascade[0] == pytest.approx(kp, rel=0.05)
     assert found.gains[-1] == pytest.approx(ki, rel=0.2)

@@ -151,6 +151,18 @@ def test_a_feed_forward_is_told_by_what_it_closes_beyond_what_the_law_leaves_any
     assert bool(found.effects) is (times > 1.0)
 
 
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("inject", [(), ("ripple:X=0.3",)], ids=["whole", "ripple"])
+def test_what_a_twin_lacks_from_the_start_is_no_change_of_the_machine(machine, urdf_dir, inject, runs):
+    own = identify(machine, [record(urdf_dir, 7 + k, 1 + k, *inject) for k in range(runs)], loop=False)
+    found = diagnose(own, record(urdf_dir, 12, 11, *inject))
+    assert (found.verdict, list(found.effects)) == ("none", [])
+    missing = found.to_dict()["missing_since_identification"]
+    assert [(x["effect"], x["axis"]) for x in missing] == [("position_table", "X")] * len(inject)
+    assert all(0.3 < x["share"] < 1.0 for x in missing)
+    assert any("lacks a position table of X" in x for x in found.advice) is bool(inject)
+
+
 @pytest.mark.parametrize("runs", [1, 2])
 def test_a_drive_at_its_limit_is_found_in_one_run_and_in_repeats(machine, urdf_dir, runs):
     """From the end of one log to the beginning of the next a position jumps: no axis is at rest beside that."""

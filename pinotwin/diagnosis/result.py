@@ -182,6 +182,7 @@ class Diagnosis(Drawn):
             shown.
         evidence: the rows of evidence behind the causes, best first, likewise.
         recording: faults of the recording itself, before which no cause is named: fault, axis, number, confidence.
+        missing_since_identification: effects that the twin lacked from the start, no part of the verdict.
         provenance: version, options, seed, and the logs with their fingerprints.
         prepared: logs that were diagnosed, with their motions.
         sealed: logs that nothing was fitted to, likewise.
@@ -210,6 +211,7 @@ class Diagnosis(Drawn):
     detectable: Sequence[Mapping[str, Any]] = ()
     evidence: Sequence[Mapping[str, Any]] = field(default=(), repr=False)
     recording: Sequence[Mapping[str, Any]] = ()
+    missing_since_identification: Sequence[Mapping[str, Any]] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     prepared: Sequence[Prepared] = field(default=(), repr=False, compare=False)
     sealed: Sequence[Prepared] = field(default=(), repr=False, compare=False)
@@ -295,7 +297,6 @@ class Diagnosis(Drawn):
                 ],
                 "effects": [{**_effect(e), "class": self.alike(e)} for e in self.effects],
                 "possible": [_effect(e) for e in self.possible],
-                "missing_since_identification": [],
                 "state": {a: self.state(a) for a in self.gap},
                 "confidence_calibrated": not self.quick,
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},

@@ -146,9 +146,8 @@ def slow_reversals(
     """Return slow moves to and fro of one axis, of growing strokes [shares of travel], ``speed`` [of its limit]."""
     low, high = _travel(machine.limits[axis])
     v, a, j = _triple(machine.limits[axis])
-    plan = []
-    for stroke in strokes:
-        plan += [0.5 * (low + high) + 0.5 * stroke * (high - low) * s for s in (1, -1) * repeats]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    plan = [middle + stroke * half * s for stroke in strokes for s in (1, -1) * repeats]
     return _one_axis(machine, axis, plan, [(speed * v, a, j)] * len(plan))
 
 

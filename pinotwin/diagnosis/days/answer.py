@@ -128,9 +128,9 @@ class Answer:
     def possible(self) -> list[Named]:
         """The best cause that is not named, where something unknown has changed or a signal that it acts on is open."""
         opened = {(a, s) for a, row in self.gap.items() for s, g in row.items() if g.is_open(s)}
-        acts = [{(axis_of(x.row, self.r), SHOWN.get(e, "")) for e in x.row.by} for x in self.judged.possible]
-        pairs = zip(self.judged.possible, acts, strict=True)
-        return [x for x, signals in pairs if self.judged.unknown or signals & opened]
+        each = [(x, axis_of(x.row, self.r)) for x in self.judged.possible]
+        acts = [(x, {(axis, SHOWN.get(e, "")) for e in x.row.by}) for x, axis in each]
+        return [x for x, signals in acts if self.judged.unknown or signals & opened]
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
         """Return what each cause closes of the effort of an axis beside those before it."""
@@ -253,11 +253,8 @@ class Answer:
     def against(self) -> set[int]:
         """Return the logs in which a cause that was named explains less than nothing, if others speak for it."""
         logs = [s.log for s in self.new.stretches]
-        out = set[int]()
-        for x in self.named:
-            gain = np.bincount(logs, x.row.logs)
-            out |= set(np.flatnonzero(gain < -x.row.price).tolist()) if gain.max() > x.row.price else set()
-        return out
+        gains = [(np.bincount(logs, x.row.logs), x.row.price) for x in self.named]
+        return {int(k) for gain, price in gains if gain.max() > price for k in np.flatnonzero(gain < -price)}
 
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the causes, by axis and log."""
@@ -271,21 +268,17 @@ class Answer:
 
     def remains(self) -> dict[str, str]:
         """Return axis -> what is left follows, in words."""
-        out = {}
         row = self.judged.described
-        if row is not None:
-            out[row.axis] = described(row.what)
-        for x in self.recorded:
-            out[axis_of(x.row, self.r)] = f"the recording: {effect_words(x.row.name)}"
-        return {**out, **self.c.gate.nameless, **self.c.gate.silent}
+        shown = {} if row is None else {row.axis: described(row.what)}
+        faults = {axis_of(x.row, self.r): f"the recording: {effect_words(x.row.name)}" for x in self.recorded}
+        return {**shown, **faults, **self.c.gate.nameless, **self.c.gate.silent}
 
     def where(self) -> list[Region]:
         """Return where and when each cause acts; without a sure name the possible one, else what is open."""
         rows, out = [x.row for x in self.named or self.possible], list[Region]()
         if not rows and self.judged.unknown:
             axis, equation, row = self._worst()
-            group = {"encoders": "encoder"}.get(equation, equation)
-            rows = [row or Row("", axis, group, what=equation)]
+            rows = [row or Row("", axis, {"encoders": "encoder"}.get(equation, equation), what=equation)]
         for row in rows:
             at = Place(self.r, axis_of(row, self.r), self.new.stretches)
             if row.name in BEGINS or row.what in ("time", "dry time"):
@@ -303,11 +296,10 @@ class Answer:
 
     def recording(self) -> list[dict[str, Any]]:
         """Return the faults of the recording, what `check` proves first: from when to when [s], and how large."""
-        t, out = self.c.logs[0].log["t"], list[dict[str, Any]]()
+        t = self.c.logs[0].log["t"]
         whole = {"from": float(t[0]), "to": float(t[-1]), "size": None, "unit": None, "confidence": 1.0}
-        for f in self.proofs:
-            when = dict(zip(("from", "to"), f.span, strict=False))
-            out.append({"fault": f.code, "axis": f.axis or None, **whole, **when})
+        proven = [(f, dict(zip(("from", "to"), f.span, strict=False))) for f in self.proofs]
+        out = [{"fault": f.code, "axis": f.axis or None, **whole, **when} for f, when in proven]
         for row, p in ((x.row, x.probability) for x in self.recorded):
             at = Place(self.r, axis_of(row, self.r), self.new.stretches)
             one = {"fault": row.name, "axis": row.axis if row.axis != ALL else None, **whole, "confidence": p}
@@ -339,9 +331,8 @@ class Answer:
         if self.recorded or self.proofs:
             return [JUDGED["recording"].format(faults=recording_words(self.recording()))]
         if effects:
-            axes = [(axis_of(x.row, self.r), x.row) for x in self.named]
-            rows = [(axis, row, when(row, Place(self.r, axis, self.new.stretches))) for axis, row in axes]
-            courses = [(axis, follows(row.name, row.what, course)) for axis, row, course in rows]
+            places = [(x.row, Place(self.r, axis_of(x.row, self.r), self.new.stretches)) for x in self.named]
+            courses = [(at.axis, follows(row.name, row.what, when(row, at))) for row, at in places]
             told = [JUDGED["course"].format(axis=axis, words=words) for axis, words in courses if words]
             return [JUDGED["changed"].format(causes="; ".join(map(said, effects))), *dict.fromkeys(told)]
         if self.judged.unknown:
@@ -427,6 +418,9 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
     groups = [[f"{axis_of(x.row, a.r)}.{effect_of(y.name)}" for y in (x.row, *x.alike)] for x in a.named]
     other = set[str]() if a.recording() else {*opened, *refuted}
+    missing = {"effect": "position_table"}
+    lacked = [missing | {"axis": k, "share": x} for k, (size, x) in a.r.lacked.items() if size > c.worth]
+    improve = [JUDGED["lacked"].format(**x) for x in lacked]
     return Diagnosis(
         verdict=word,
         sentence=". ".join([*first, *only, *unjudged(c, {str(e.axis) for e in effects})]),
@@ -439,7 +433,8 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
         unexplained=opened,
         remains=a.remains(),
         noise=a.kind,
-        advice=advise(c, a.kind, effects, other, {*gap, *c.gate.unknown})[0],
+        advice=[*advise(c, a.kind, effects, other, {*gap, *c.gate.unknown})[0], *improve],
+        missing_since_identification=lacked,
         warnings=c.gate.warnings,
         situation="change",
         shrink={n: {"u": x.shrink(a.gaps[n]["u"].rms, n)} for n, x in a.together.items()},

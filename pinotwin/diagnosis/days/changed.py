@@ -62,7 +62,7 @@ def _with(twin: Twin, row: Row, axis: str, laws: Mapping[str, Law]) -> Twin | No
 
 
 def _turned(twin: Twin, axis: str, added: Floats, law: Law) -> Twin | None:
-    """Return the twin with what a change adds to the gains of a law, shape (9,), in the scale of its own controller.
+    """Return the twin with what a change adds to the gains of a law, shape (10,), in the scale of its own controller.
 
     How a loop follows tells the gains of its controller but for a scale: that of the gain that acts longest.
     """
@@ -71,6 +71,6 @@ def _turned(twin: Twin, axis: str, added: Floats, law: Law) -> Twin | None:
     servo = twin.servos[axis]
     own, logged = servo.gains[:2], law.gains[:2]
     slow = int(min(own[1], law.cascade[1]) > 0.0)
-    e, integral, v, _, vr, ar, _, qr, _ = added * own[slow] / logged[slow]
+    e, integral, v, _, vr, ar, _, qr, _, _ = added * own[slow] / logged[slow]
     gains = tuple(x + y for x, y in zip(servo.gains, (e, integral, -v, vr, qr, ar), strict=True))
     return replace(twin, servos={**twin.servos, axis: replace(servo, gains=gains)})

@@ -116,11 +116,9 @@ def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name
     usual = float(np.mean([np.std(s.axes[name]["e"]) for s in logs]))
 
     def columns(band: float) -> list[Floats]:
-        out = []
-        for s, u in zip(logs, asked, strict=True):
-            near = np.abs(s.motion.error[:, s.motion.names.index(name)]) < band * usual
-            out.append(-s.taken(np.interp(s.motion.t - s.motion.t[0], s.t, u) * near) / band)
-        return out
+        near = [np.abs(s.motion.error[:, s.motion.names.index(name)]) < band * usual for s in logs]
+        each = zip(logs, asked, near, strict=True)
+        return [-s.taken(np.interp(s.motion.t - s.motion.t[0], s.t, u) * x) / band for s, u, x in each]
 
     y = [x[name, "law"] for x in left]
     band = peak(lambda x: _gain(columns(x), y), np.geomspace(0.05, 1.0, 12).tolist())

@@ -40,6 +40,7 @@ def cells(
         columns, at = _beside(logs, days, acting or [{} for _ in logs], equation)
         w, parts, silent = r.whitenings[name, equation], list[_Cell](), not read and equation == "law"
         sigma = w.sigma if read else float(np.hypot(w.sigma, r.whitenings[name, "law"].sigma))
+        sigma *= r.beyond(name, logs)
         for k, s in enumerate(logs):
             x = np.column_stack([columns[k], left[k][name, equation]])
             if not read:  # without its effort the law tells nothing, and the plant what is between both

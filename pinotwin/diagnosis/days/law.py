@@ -14,17 +14,18 @@ from pinotwin.diagnosis.days.stretch import Columns
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms
 
-TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "lead")
-SIGNS = {"e": (0.0, np.inf), "ie": (0.0, np.inf), "v": (-np.inf, 0.0), "a": (-1e-9, 1e-9)}
+TERMS = ("e", "ie", "v", "a", "vr", "ar", "jr", "qr", "du", "lead")
+UP, DOWN = (0.0, np.inf), (-np.inf, 0.0)
+SIGNS = {"e": UP, "ie": UP, "v": DOWN, "a": (-1e-9, 1e-9), "du": DOWN}
 """Gains that a controller can have, any where none are listed; a copy of the plant has others."""
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """``u = sum of gains times terms + a constant of every log``.
+    """``u = sum of gains times terms + a constant of every log``; of ``du`` it is less the lag of its filters [s].
 
     Attributes:
-        gains: of :data:`TERMS`, shape (9,), SI. inertia: the unit of an acceleration feed-forward [kg or kg·m²].
+        gains: of :data:`TERMS`, shape (10,), SI. inertia: the unit of an acceleration feed-forward [kg or kg·m²].
     """
 
     gains: Floats = field(default_factory=lambda: np.zeros(len(TERMS)))
@@ -53,17 +54,20 @@ class Law:
         ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed has
         kv f of a velocity feed-forward f; the command ki (f - 1), or -ki where f is not integrated. That tells which.
         """
-        e, integral, kv, forward, weight = self.gains[[0, 1, 2, 4, 7]] * (1.0, 1.0, -1.0, 1.0, 1.0)
+        e, integral, damping, _, forward, _, _, weight, _, _ = self.gains
+        kv = -damping
         inside = e**2 - 4.0 * kv * integral
         if inside < -0.3 * e**2 or kv <= 0.0:
             return 0.0, 0.0
         roots = [(e + x * np.sqrt(max(inside, 0.0))) / (2.0 * kv) for x in (1.0, -1.0)]
         ahead = forward / kv, 0.0
-        kp = float(min(roots, key=lambda kp: min(abs((e - kv * kp) * (f - 1.0) - weight) for f in ahead)))
-        ki = float(e - kv * kp)
+        off = {(x, e - kv * x): min(abs((e - kv * x) * (f - 1.0) - weight) for f in ahead) for x in roots}
+        if weight < 0.0:  # -ki: noise of the others does not spoil it as it does a root that is nearly double
+            off[-integral / weight, -weight] = abs(kv * integral / weight + weight + e)
+        kp, ki = min(off, key=lambda pair: off[pair])
         # Where noise made the root a double one, the integral knows the position gain better.
         told = ki > SETTINGS.told["law"] * kv * kp
-        return (float(integral / ki), ki) if told else (float(e / kv), 0.0)
+        return (float(integral / ki), float(ki)) if told else (float(e / kv), 0.0)
 
     @property
     def stable(self) -> bool:
@@ -78,8 +82,8 @@ class Law:
         much of its proportional part it has: all.
         """
         kv, ki, least = max(-self.gains[2], np.finfo(float).tiny), self.cascade[1], SETTINGS.share
-        direct = self.gains[4] / kv
-        share = 1.0 + self.gains[7] / ki if ki else direct
+        direct = self.gains[TERMS.index("vr")] / kv
+        share = 1.0 + self.gains[TERMS.index("qr")] / ki if ki else direct
         if direct**2 > least and share < direct / 2.0:
             share, ki = direct, 0.0
         weight = direct / share if share**2 > least else 1.0
@@ -97,13 +101,17 @@ class Law:
         """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
         return np.asarray(np.column_stack([c[k] for k in TERMS]) @ self.gains)
 
+    def unfiltered(self, x: Floats, step: float) -> Floats:
+        """Return an effort, (n,) or (n, p), sampled every ``step`` [s], as it is before the controller's filters."""
+        return np.asarray(x - self.gains[TERMS.index("du")] * np.gradient(x, step, axis=0))
+
     def numbers(self) -> dict[str, Floats]:
-        """Return what a change of each number of the controller adds to the gains, shape (9,) each.
+        """Return what a change of each number of the controller adds to the gains, shape (10,) each.
 
         Of what may have been off it is no relative one: a velocity feed-forward is a share, that of the acceleration a
         part of ``inertia``, and the integral gain of a cascade a part of the gain by which a speed follows an error.
         """
-        e, integral, damping, _, forward, _, _, weight, lead = self.gains
+        e, integral, damping, _, forward, _, _, weight, _, lead = self.gains
         kp, ki = self.cascade
         outer = -damping * kp if kp else e
         share, at_once, later = self.ahead

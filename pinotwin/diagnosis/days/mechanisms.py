@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.days.law import TERMS
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.dynamics.batch import regressor
@@ -91,6 +92,7 @@ def mechanisms(
     """
     c, size = s.axes[name], r.widths[name]["effort"]
     rubs, ramp = c["dry"] + c["viscous"], s.t / s.t[-1]
+    twin = rubs + c["rest"]
     out: dict[str, Acts] = {
         "friction_scale": {"plant": rubs},
         "coulomb": {"plant": part_of(c, "dry", size)},
@@ -99,12 +101,17 @@ def mechanisms(
         "drift": {"plant": np.column_stack([c["one"], since + ramp]) * size},
         "inertia": {"plant": c["a"] * size / np.std(c["a"])},
         "effort_late": {"plant": -c["du"] * 1e-3},
-        **_effort_scaled(c, ramp, left, name),
+        "effort_scale": {"plant": twin},
+        "torque_constant": {"plant": twin},
+        "torque_fades": {"plant": twin * ramp},
     }
     if name in r.laws and "e" in c:
-        out["effort_late"]["law"] = out["effort_late"]["plant"]
-        numbers = r.laws[name].columns(c)
-        out |= {k: {"law": numbers[k]} for k in GROUPS["law"] if k in numbers}
+        law = r.laws[name]
+        out["effort_late"]["law"] = law.unfiltered(out["effort_late"]["plant"], s.step)
+        out["effort_scale"]["law"] = c["u"] - left[name, "law"] - law.gains[TERMS.index("du")] * c["du"]
+        out |= {k: {"law": x} for k, x in law.columns(c).items() if k in GROUPS["law"]}
+    else:
+        del out["torque_constant"]  # nothing tells it from a reading
     if name in r.twists and "gap" in c:
         out |= _between_encoders(r, c, name, ramp)
     for other in r.axes:
@@ -136,23 +143,6 @@ def _alike(a: Floats, b: Floats) -> bool:
     """Whether two columns have one course: their correlation is 0.97 and more."""
     a, b = a - a.mean(), b - b.mean()
     return abs(float(a @ b)) > 0.97 * float(np.linalg.norm(a) * np.linalg.norm(b))
-
-
-def _effort_scaled(
-    c: Columns, ramp: Floats, left: dict[tuple[str, str], Floats], name: str
-) -> dict[str, Acts]:
-    """Return an effort that is read too large, in plant and law alike, and a motor that needs more for the same."""
-    twin = c["dry"] + c["viscous"] + c["rest"]
-    out = {
-        "effort_scale": {"plant": twin},
-        "torque_constant": {"plant": twin},
-        "torque_fades": {"plant": twin * ramp},
-    }
-    if (name, "law") in left:
-        out["effort_scale"]["law"] = c["u"] - left[name, "law"]
-    else:
-        del out["torque_constant"]  # nothing tells it from a reading
-    return out
 
 
 def _between_encoders(r: Reference, c: Columns, name: str, ramp: Floats) -> dict[str, Acts]:

@@ -76,8 +76,7 @@ def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> floa
 def _earlier(name: str, s: Stretch, delay: float) -> Stretch:
     """Return a stretch with the command of an axis earlier by a delay [s]."""
     c, later = dict(s.axes[name]), np.clip(s.t + delay, s.t[0], s.t[-1])
-    for k in ("vr", "ar", "jr"):
-        c[k] = CubicSpline(s.t, c[k])(later)
+    c |= {k: CubicSpline(s.t, c[k])(later) for k in ("vr", "ar", "jr")}
     command = CubicSpline(s.t, c["qr"])
     c["qr"] = command(later)
     path = command.antiderivative()

@@ -30,7 +30,7 @@ class Reference:
 
     Attributes:
         twin: the plant. axes: that are judged.
-        top: axis -> highest speed. low, high: axis -> ends of the travel of all logs [m or rad, per s].
+        top: axis -> highest speed [m/s or rad/s].
         logs: stretches of the twin's own logs. days: how many logs these are.
         laws: axis -> law of its controller; only of axes whose law foretells a log left out.
         twists: axis -> what moves its two encoders against each other, (6,), SI.
@@ -38,6 +38,7 @@ class Reference:
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
         tables: axis, equation -> place and misfit that healthy logs share there.
+        lacked: axis -> the size of this misfit over the effort's [1], and its share of all that is left of them [1].
     """
 
     twin: Twin
@@ -51,6 +52,7 @@ class Reference:
     widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     law_widths: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tables: Mapping[tuple[str, str], tuple[Floats, Floats]] = field(default_factory=dict)
+    lacked: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     days: int = SEVERAL
 
     def without_laws(self) -> Reference:
@@ -76,6 +78,13 @@ class Reference:
                 out[name, "encoders"] = self.centred(name, r - self.zeros.get(name, 0.0))
         return out
 
+    def beyond(self, name: str, logs: Sequence[Stretch]) -> float:
+        """Return how far logs go beyond the twin's own in travel or speed [1], 1 and more: a misfit grows alike."""
+        own, new = ([s.axes[name] for s in x] for x in (self.logs, logs))
+        travel = (np.ptp([end(c["q"]) for c in x for end in (np.min, np.max)]) for x in (own, new))
+        speed = (max(float(np.abs(c["v"]).max()) for c in x) for x in (own, new))
+        return max(1.0, *(y / max(x, 1e-300) for x, y in (travel, speed)))
+
     def centred(self, name: str, gap: Floats) -> Floats:
         """Return a gap between two encoders, (n,), less its median where nobody knows how their zeros were set."""
         return gap if name in self.zeros else gap - np.median(gap)
@@ -100,11 +109,10 @@ def reference(twin: Twin, axes: Sequence[str]) -> Reference | None:
     top = {k: float(np.quantile(np.abs(motion.v[:, j]), 0.99)) for k, j in index.items()}
     for k, (start, stop) in enumerate(pairwise(edges)):
         logs += stretches(twin, motion.cut(start, stop), own[start:stop], k, axes, top)
-    known_days = len({s.log for s in logs})
-    if not known_days:
+    if not logs:
         return None
-    bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {}, days=known_days)
-    if known_days < SEVERAL:  # the prior stands for the scatter between days
+    bare = Reference(twin, tuple(axes), top, tuple(logs), {}, {}, days=len({s.log for s in logs}))
+    if bare.days < SEVERAL:  # the prior stands for the scatter between days
         logs = [part for s in logs for part in s.thirds()]
     # What an axis does on one log alone can be held against no other.
     axes = tuple(k for k in axes if len(moved([s.axes[k] for s in logs])) > 1)
@@ -154,17 +162,21 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
 def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str], Floats]]]) -> Reference:
     """Return the reference with what its equations leave of days that they do not know."""
     whitenings, widths, law_widths, laws = {}, {}, {}, dict(r.laws)
-    tables = dict[tuple[str, str], tuple[Floats, Floats]]()
+    tables, lacked = dict[tuple[str, str], tuple[Floats, Floats]](), dict[str, tuple[float, float]]()
     for name in r.axes:
         columns = [s.axes[name] for s, _ in unseen]
         left = [x[name, "plant"] for _, x in unseen]
         widths[name], left = _day(r, columns, left)
         table = tables[name, "plant"] = shared_shape(columns, left)
+        rows = np.concatenate([c["moving"] for c in columns]) > 0.0
+        before, u = (np.concatenate(x)[rows] for x in (left, [c["u"] for c in columns]))
         left = [x - np.interp(c["q"], *table) for c, x in zip(columns, left, strict=True)]
+        shared = before - np.concatenate(left)[rows]
+        lacked[name] = rms(shared) / rms(u), 1.0 - (rms(before - shared) / max(rms(before), 1e-300)) ** 2
         w = Whitening.measured(left, [c["moving"] for c in columns]).turns(left, columns)
-        rows = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
-        left_over = max(rows - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
-        whitenings[name, "plant"] = replace(w, sigma=w.sigma * float(np.sqrt(max(rows / left_over, 1.0))))
+        count = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
+        left_over = max(count - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
+        whitenings[name, "plant"] = replace(w, sigma=w.sigma * float(np.sqrt(max(count / left_over, 1.0))))
         for equation in EQUATIONS[1:]:
             if (name, equation) in unseen[0][1]:
                 rest = [x[name, equation] for _, x in unseen]
@@ -180,7 +192,8 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
                 del laws[name]  # it copies the plant, or foretells no log
             else:
                 law_widths[name] = _law_widths(laws[name], columns, [x[name, "law"] for _, x in unseen])
-    return replace(r, laws=laws, whitenings=whitenings, widths=widths, law_widths=law_widths, tables=tables)
+    r = replace(r, laws=laws, whitenings=whitenings, widths=widths, law_widths=law_widths)
+    return replace(r, tables=tables, lacked=lacked)
 
 
 def _day(
@@ -231,12 +244,10 @@ def _mixed(r: Reference, seen: Mapping[str, float]) -> dict[str, float]:
 
 def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) -> dict[str, float]:
     """Return how far each number of a law is off on a log left out."""
-    out, each = {}, [law.columns(c) for c in columns]
+    out, columns = {}, [law.columns(c) for c in columns]
     for name in ("position_gain", "loop_gain", "velocity_feedforward", "acceleration_feedforward", "lead"):
-        off = []
-        for x, y in zip(each, left, strict=True):
-            z = x[name] - x[name].mean()
-            off.append(float(z @ y) / max(float(z @ z), 1e-300))
+        each = [x[name] - x[name].mean() for x in columns]
+        off = [float(z @ y) / max(float(z @ z), 1e-300) for z, y in zip(each, left, strict=True)]
         out[name] = min(1.5 * rms(np.array(off)) + 1e-5, 1.0)  # of one near none anything would be a multiple
     return out
 

@@ -131,7 +131,5 @@ class Question:
     def ends(self) -> dict[str, tuple[float, float]]:
         """Return axis -> ends of its travel in all logs [m or rad]."""
         every = [*self.reference.logs, *self.logs, *self.valid]
-        return {
-            k: (min(s.axes[k]["q"].min() for s in every), max(s.axes[k]["q"].max() for s in every))
-            for k in self.reference.axes
-        }
+        places = {k: np.concatenate([s.axes[k]["q"] for s in every]) for k in self.reference.axes}
+        return {k: (float(q.min()), float(q.max())) for k, q in places.items()}

@@ -73,7 +73,7 @@ class Tried:
             if self.search:
                 self._search(left, name, each)
             if (name, "law") in q.left[0]:
-                each = [x | _misread(x) for x in each]
+                each = [x | _misread(x, r.laws[name], s.step) for x, s in zip(each, q.logs, strict=True)]
             each = [x | _told(x, name, r.laws) for x in each]
             for k, s in enumerate(q.logs if not self.found else ()):
                 told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
@@ -123,7 +123,7 @@ class Tried:
                 acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
                 acts |= {cause: {"plant": x[k][name]} for cause, x in wide.items()}
                 acts |= self._known(s, name)
-                acts |= _misread(acts) if (name, "law") in left else {}
+                acts |= _misread(acts, r.laws[name], s.step) if (name, "law") in left else {}
                 acts |= _told(acts, name, r.laws)
                 each.append({k: x for k, x in acts.items() if k not in GROWS})
             out[name] = _shared(each)
@@ -145,10 +145,11 @@ def _several(r: Reference, logs: Sequence[tuple[Stretch, Left]]) -> dict[str, li
     return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
-def _misread(acts: dict[str, Acts]) -> dict[str, Acts]:
+def _misread(acts: dict[str, Acts], law: Law, step: float) -> dict[str, Acts]:
     """Return causes whose effort is in the reading alone: the law of the controller, which did not ask, has it too."""
     plain = {k: x["plant"] for k, x in acts.items() if set(x) == {"plant"} and ":" not in k}
-    return {f"{k}:{READ}": {"plant": x, "law": x} for k, x in plain.items() if group_of(k) in MISREAD}
+    read = {k: (x, law.unfiltered(x, step)) for k, x in plain.items() if group_of(k) in MISREAD}
+    return {f"{k}:{READ}": {"plant": x, "law": y} for k, (x, y) in read.items()}
 
 
 def _told(acts: dict[str, Acts], name: str, laws: Mapping[str, Law]) -> dict[str, Acts]:

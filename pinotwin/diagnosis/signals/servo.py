@@ -34,10 +34,9 @@ def limits(c: Comparison, leave_out: Collection[str] = ()) -> list[Found]:
     if c.new.motion.qr is None or "saturation" in leave_out:
         return []
     axes = [k for k in c.machine.names if k in c.machine.axes and c.gate.asks("servo", k)]
-    logs = list[Stretch]()
-    for k, m in enumerate(c.motions[: len(c.logs)]):
-        m = with_model_effort(m, c.twin.effects, c.twin.theta)
-        logs += stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {})
+    every = [with_model_effort(m, c.twin.effects, c.twin.theta) for m in c.motions[: len(c.logs)]]
+    parts = [stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {}) for k, m in enumerate(every)]
+    logs = [s for part in parts for s in part]
     lawful = [k for k in axes if logs and all("e" in s.axes[k] for s in logs)]
     return [x for k in lawful if (x := _limit(c, logs, k)) is not None]
 
