@@ -29,7 +29,7 @@ from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
 from pinotwin.diagnosis.days.score import Cells, score
-from pinotwin.diagnosis.days.stretch import _clear
+from pinotwin.diagnosis.days.stretch import Stretch, _clear
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.log import Log
@@ -573,12 +573,18 @@ def test_a_misfit_grows_with_travel_and_speed_beyond_the_twins_own(twin: pt.Twin
     r = reference(twin, ["X", "A"])
     assert r is not None
     s, left = r.logs[0], r.residuals(r.logs[0])
-    c, travel = s.axes["X"], np.ptp(np.concatenate([x.axes["X"]["q"] for x in r.logs]))
+    low, high, speed = np.transpose([x.axes["X"]["reach"] for x in r.logs])
+    travel = high.max() - low.min()
+
+    def going(*reach: float) -> Stretch:
+        return replace(s, axes={**s.axes, "X": {**s.axes["X"], "reach": np.array(reach)}})
+
+    wide = going(
+        high.max() + travel, high.max() + 2.0 * travel, 0.0
+    )  # elsewhere, and no further than the twin's own
     assert r.beyond("X", r.logs) == 1.0
-    wide = replace(s, axes={**s.axes, "X": {**c, "q": 3.0 * travel / np.ptp(c["q"]) * c["q"]}})
-    fast = replace(s, axes={**s.axes, "X": {**c, "v": 5.0 * c["v"]}})
     assert r.beyond("X", [wide]) == pytest.approx(3.0)
-    assert r.beyond("X", [s, fast]) > 3.0
+    assert r.beyond("X", [s, going(0.0, 0.0, 5.0 * speed.max())]) == pytest.approx(5.0)
     own, beyond = (cells(r, [x], [left], "X")["plant"].gram[:, -1, -1].sum() for x in (s, wide))
     assert own / beyond == pytest.approx(9.0)
 

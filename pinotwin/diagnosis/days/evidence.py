@@ -33,21 +33,21 @@ def cells(
     ``acting``: of every stretch cause -> equation -> columns. ``found``: axis and equation -> size of causes found.
     ``read``: whether the effort is of this run; only plant and law are asked otherwise.
     """
-    days = [healthy_day(r, s, name, found or {}) for s in logs]
+    days, wide = [healthy_day(r, s, name, found or {}) for s in logs], r.beyond(name, logs)
     asked = [e for e in EQUATIONS if (name, e) in left[0] and (read or e != "encoders")]
     out = {}
     for equation in asked:
         columns, at = _beside(logs, days, acting or [{} for _ in logs], equation)
         w, parts, silent = r.whitenings[name, equation], list[_Cell](), not read and equation == "law"
-        sigma = w.sigma if read else float(np.hypot(w.sigma, r.whitenings[name, "law"].sigma))
-        sigma *= r.beyond(name, logs)
+        sigma = wide * (w.sigma if read else float(np.hypot(w.sigma, r.whitenings[name, "law"].sigma)))
         for k, s in enumerate(logs):
             x = np.column_stack([columns[k], left[k][name, equation]])
             if not read:  # without its effort the law tells nothing, and the plant what is between both
                 x[:, -1] = (x[:, -1] - left[k][name, "law"]) * (not silent)
             counts = w.counts(s.axes[name], equation)
             x = w(x) / sigma * counts[:, None] / np.sqrt(w.spread)
-            lost = np.log(max(float(np.std(s.axes[name]["u"])) / w.sigma, 1.0)) + 0.5 if silent else None
+            loud = float(np.std(s.axes[name]["u"])) / (wide * w.sigma)
+            lost = np.log(max(loud, 1.0)) + 0.5 if silent else None
             for on in (counts == 1.0, (counts > 0.0) & (counts < 1.0)):
                 parts += _summed(x, on, s.cell, k, w.spread, lost)
         if parts:

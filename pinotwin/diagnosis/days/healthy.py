@@ -41,7 +41,7 @@ def healthy_day(r: Reference, s: Stretch, name: str, found: Shapes) -> dict[str,
     if name in r.twists and "gap" in c:
         place, give = c["q"] - c["q"].mean(), r.twist(name, c)
         zero = w["zero"] if name in r.zeros else 1.0  # one metre, or radian: nobody knows it
-        held = 0.5 * r.twists[name][0] * c["left"]  # by the motor's friction, which at rest is anything
+        held = 0.5 * r.twists[name][0] * c["left"]  # by the motor's friction
         out["encoders"] = np.column_stack([c["one"] * zero, place * w["scale"], give * w["give"], held])
     parts = {"plant": [c["dry"], c["viscous"], c["rest"]]}
     if "law" in out:

@@ -22,7 +22,7 @@ SIGNS = {"e": UP, "ie": UP, "v": DOWN, "a": (-1e-9, 1e-9), "du": DOWN}
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """``u = sum of gains times terms + a constant of every log``; of ``du`` it is less the lag of its filters [s].
+    """``u = sum of gains times terms + a constant of every log``; the gain of ``du`` is minus the filters' lag [s].
 
     Attributes:
         gains: of :data:`TERMS`, shape (10,), SI. inertia: the unit of an acceleration feed-forward [kg or kg·m²].

@@ -38,7 +38,7 @@ class Reference:
         whitenings: axis, equation -> spectrum of the misfit.
         widths: axis -> what a healthy day does. law_widths: axis -> the same of every number of the law.
         tables: axis, equation -> place and misfit that healthy logs share there.
-        lacked: axis -> the size of this misfit over the effort's [1], and its share of all that is left of them [1].
+        lacked: axis -> size of that of the plant over the effort's, and its share of the squared misfit, both [1].
     """
 
     twin: Twin
@@ -79,11 +79,10 @@ class Reference:
         return out
 
     def beyond(self, name: str, logs: Sequence[Stretch]) -> float:
-        """Return how far logs go beyond the twin's own in travel or speed [1], 1 and more: a misfit grows alike."""
-        own, new = ([s.axes[name] for s in x] for x in (self.logs, logs))
-        travel = (np.ptp([end(c["q"]) for c in x for end in (np.min, np.max)]) for x in (own, new))
-        speed = (max(float(np.abs(c["v"]).max()) for c in x) for x in (own, new))
-        return max(1.0, *(y / max(x, 1e-300) for x, y in (travel, speed)))
+        """Return how much further or faster the twin's own logs and others go than its own [1]; a misfit grows so."""
+        own, every = (np.array([s.axes[name]["reach"] for s in x]) for x in (self.logs, [*self.logs, *logs]))
+        (travel, speed), (far, fast) = ((np.ptp(x[:, :2]), x[:, 2].max()) for x in (own, every))
+        return max([1.0, *(float(y / x) for x, y in ((travel, far), (speed, fast)) if x > 0.0)])
 
     def centred(self, name: str, gap: Floats) -> Floats:
         """Return a gap between two encoders, (n,), less its median where nobody knows how their zeros were set."""
@@ -172,7 +171,8 @@ def _measured(r: Reference, unseen: Sequence[tuple[Stretch, dict[tuple[str, str]
         before, u = (np.concatenate(x)[rows] for x in (left, [c["u"] for c in columns]))
         left = [x - np.interp(c["q"], *table) for c, x in zip(columns, left, strict=True)]
         shared = before - np.concatenate(left)[rows]
-        lacked[name] = rms(shared) / rms(u), 1.0 - (rms(before - shared) / max(rms(before), 1e-300)) ** 2
+        size, apart = rms(shared) / max(rms(u), 1e-300), rms(before - shared) / max(rms(before), 1e-300)
+        lacked[name] = size, 1.0 - apart**2
         w = Whitening.measured(left, [c["moving"] for c in columns]).turns(left, columns)
         count = sum(float(settled(c["moving"]).sum()) for c in columns) / w.spread
         left_over = max(count - 5.0 * len(moved(columns)), 1.0)  # of every log `_day` has taken five numbers
@@ -244,10 +244,10 @@ def _mixed(r: Reference, seen: Mapping[str, float]) -> dict[str, float]:
 
 def _law_widths(law: Law, columns: Sequence[Columns], left: Sequence[Floats]) -> dict[str, float]:
     """Return how far each number of a law is off on a log left out."""
-    out, columns = {}, [law.columns(c) for c in columns]
+    out, each = {}, [law.columns(c) for c in columns]
     for name in ("position_gain", "loop_gain", "velocity_feedforward", "acceleration_feedforward", "lead"):
-        each = [x[name] - x[name].mean() for x in columns]
-        off = [float(z @ y) / max(float(z @ z), 1e-300) for z, y in zip(each, left, strict=True)]
+        pairs = zip((x[name] - x[name].mean() for x in each), left, strict=True)
+        off = [float(z @ y) / max(float(z @ z), 1e-300) for z, y in pairs]
         out[name] = min(1.5 * rms(np.array(off)) + 1e-5, 1.0)  # of one near none anything would be a multiple
     return out
 

@@ -123,17 +123,17 @@ def _stretch(
     found = {}
     for name in axes:
         j = m.names.index(name)
-        speed = top.get(name)
-        columns = {**_axis(m, j, speed), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
+        columns = {**_axis(m, j, top.get(name)), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
         columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
         servo = twin.servos.get(name)
         columns["clear"] = _clear(columns, m.step, servo.encoder[0] if servo else 0.0)
         found[name] = {k: x[rows] for k, x in columns.items()}
         noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
-        found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j]}
+        q, v = found[name]["q"], np.abs(found[name]["v"])
+        reach = np.array([q.min(), q.max(), np.quantile(v, 0.99)])
+        found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j], "reach": reach}
     t = m.t[rows] - m.t[0]
-    cell = (t / SETTINGS.cell).astype(np.intp)
-    return Stretch(t, every * m.step, m.step, *at, cell, found, m, rows, left)
+    return Stretch(t, every * m.step, m.step, *at, (t / SETTINGS.cell).astype(np.intp), found, m, rows, left)
 
 
 def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:

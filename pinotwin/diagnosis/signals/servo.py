@@ -35,8 +35,7 @@ def limits(c: Comparison, leave_out: Collection[str] = ()) -> list[Found]:
         return []
     axes = [k for k in c.machine.names if k in c.machine.axes and c.gate.asks("servo", k)]
     every = [with_model_effort(m, c.twin.effects, c.twin.theta) for m in c.motions[: len(c.logs)]]
-    parts = [stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {}) for k, m in enumerate(every)]
-    logs = [s for part in parts for s in part]
+    logs = [s for k, m in enumerate(every) for s in stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {})]
     lawful = [k for k in axes if logs and all("e" in s.axes[k] for s in logs)]
     return [x for k in lawful if (x := _limit(c, logs, k)) is not None]
 
