@@ -48,9 +48,7 @@ class Day:
     sticks: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # axis -> dry friction at rest over that in motion, less 1, and the speed at which it has gone [m/s, rad/s]
-    forward: dict[str, float] = field(
-        default_factory=dict
-    )  # axis -> share of the speed fed forward, usually 0.9
+    forward: dict[str, float] = field(default_factory=dict)  # axis -> share of the speed fed forward
     ki: dict[str, float] = field(default_factory=dict)  # axis -> factor of the integral gain
     late: dict[str, int] = field(default_factory=dict)  # axis -> rows by which its controller acts late
     load: float = 0.0  # carried at the arm's end [kg]; the gains of both controllers follow the inertia

@@ -579,9 +579,8 @@ def test_a_misfit_grows_with_travel_and_speed_beyond_the_twins_own(twin: pt.Twin
     def going(*reach: float) -> Stretch:
         return replace(s, axes={**s.axes, "X": {**s.axes["X"], "reach": np.array(reach)}})
 
-    wide = going(
-        high.max() + travel, high.max() + 2.0 * travel, 0.0
-    )  # elsewhere, and no further than the twin's own
+    # as far as the twin's own, elsewhere
+    wide = going(high.max() + travel, high.max() + 2.0 * travel, 0.0)
     assert r.beyond("X", r.logs) == 1.0
     assert r.beyond("X", [wide]) == pytest.approx(3.0)
     assert r.beyond("X", [s, going(0.0, 0.0, 5.0 * speed.max())]) == pytest.approx(5.0)

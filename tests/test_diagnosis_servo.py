@@ -160,7 +160,9 @@ def test_what_a_twin_lacks_from_the_start_is_no_change_of_the_machine(machine, u
     missing = found.to_dict()["missing_since_identification"]
     assert [(x["effect"], x["axis"]) for x in missing] == [("position_table", "X")] * len(inject)
     assert all(0.3 < x["share"] < 1.0 for x in missing)
-    assert any("logs of X share a residual by position" in x for x in found.advice) is bool(inject)
+    assert any("residual of X in the twin's logs repeats with position" in x for x in found.advice) is bool(
+        inject
+    )
 
 
 @pytest.mark.parametrize("runs", [1, 2])

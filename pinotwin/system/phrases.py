@@ -202,8 +202,8 @@ JUDGED = {  # what a diagnosis of change says first
     "possible": "Possible, not sure: {causes}",
     "none": "No change found",
     "others": "The other logs show none of it. Judged: {logs}",
-    "lacked": "the healthy logs of {axis} share a residual by position ({share:.0%} of it): add what is missing with "
-    "pinotwin improve",
+    "lacked": "the residual of {axis} in the twin's logs repeats with position ({share:.0%} of it): add the missing "
+    "effect with pinotwin improve",
 }
 AGAINST = {  # under a plot of what is left
     "velocity": "Line: median. A curve is friction that the model does not have.",

@@ -128,9 +128,9 @@ class Answer:
     def possible(self) -> list[Named]:
         """The best cause that is not named, where something unknown has changed or a signal that it acts on is open."""
         opened = {(a, s) for a, row in self.gap.items() for s, g in row.items() if g.is_open(s)}
-        each = [(x, axis_of(x.row, self.r)) for x in self.judged.possible]
-        acts = [(x, {(axis, SHOWN.get(e, "")) for e in x.row.by}) for x, axis in each]
-        return [x for x, signals in acts if self.judged.unknown or signals & opened]
+        acts = [{(axis_of(x.row, self.r), SHOWN.get(e, "")) for e in x.row.by} for x in self.judged.possible]
+        pairs = zip(self.judged.possible, acts, strict=True)
+        return [x for x, signals in pairs if self.judged.unknown or signals & opened]
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
         """Return what each cause closes of the effort of an axis beside those before it."""

@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.arrays import Mask
 from pinotwin.diagnosis.conclusion.sizes import body_sizes
 from pinotwin.diagnosis.days.forms import known, parts
-from pinotwin.diagnosis.days.law import TERMS, Law
+from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import ENCODER, GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
@@ -160,8 +160,7 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     """Return name, old value, what one unit of the row's number is, and unit of the number that changed."""
     dry, viscous = at.friction("dry"), at.friction("viscous")
     law = at.reference.laws.get(at.axis, Law())
-    (kp, ki), whole = law.cascade, float(law.numbers()["integral"][TERMS.index("e")])
-    fed = float(law.gains[TERMS.index("ar")])
+    kp, ki = law.cascade
     stiff = -1.0 / min(float(at.reference.twists.get(at.axis, -np.ones(1))[0]), -1e-300)
     per, mass = f"{at.force}·s/{at.length}", "kg·m²" if at.length == "rad" else "kg"
     table = {
@@ -179,8 +178,8 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
         "velocity_feedforward": ("velocity_feedforward.share", law.ahead[0], 1.0, "-"),
-        "acceleration_feedforward": ("acceleration_feedforward.inertia", fed, law.inertia, mass),
-        "integral": ("integral.ki", ki, whole, f"{at.force}/{at.length}"),
+        "acceleration_feedforward": ("acceleration_feedforward.inertia", law["ar"], law.inertia, mass),
+        "integral": ("integral.ki", ki, law.proportional, f"{at.force}/{at.length}"),
         "dead_band": ("dead_band.half_width", 0.0, at.spread("e") if law.stable else 1.0, at.length),
         "zero": ("zero.shift", 0.0, 1.0, at.length),
         "encoder_step": ("encoder_step.step", 0.0, ENCODER, at.length),

@@ -47,6 +47,10 @@ class Law:
             gains = np.append(_solved(X[:, :-1], y - ki * X[:, -1], bounds[:, :-1]), ki)
         return cls(gains, rms(y) / max(rms(X[:, TERMS.index("ar")]), np.finfo(float).tiny))
 
+    def __getitem__(self, term: str) -> float:
+        """Return the gain of a term, SI."""
+        return float(self.gains[TERMS.index(term)])
+
     @cached_property
     def cascade(self) -> tuple[float, float]:
         """Position gain [1/s] and integral gain [N/m or N·m/rad] of ``kp kv e + ki (e + kp int e) - kv v``, else 0.
@@ -54,8 +58,7 @@ class Law:
         ``e`` has the gain kv kp + ki and its integral ki kp, for which there are two roots. The command's speed has
         kv f of a velocity feed-forward f; the command ki (f - 1), or -ki where f is not integrated. That tells which.
         """
-        e, integral, damping, _, forward, _, _, weight, _, _ = self.gains
-        kv = -damping
+        e, integral, kv, forward, weight = self["e"], self["ie"], -self["v"], self["vr"], self["qr"]
         inside = e**2 - 4.0 * kv * integral
         if inside < -0.3 * e**2 or kv <= 0.0:
             return 0.0, 0.0
@@ -67,12 +70,17 @@ class Law:
         kp, ki = min(off, key=lambda pair: off[pair])
         # Where noise made the root a double one, the integral knows the position gain better.
         told = ki > SETTINGS.told["law"] * kv * kp
-        return (float(integral / ki), float(ki)) if told else (float(e / kv), 0.0)
+        return (float(integral / ki), float(ki)) if told else (e / kv, 0.0)
 
     @property
     def stable(self) -> bool:
         """Whether damping, stiffness and integral have the signs of a controller: a copy of the plant has not."""
-        return bool(self.gains[2] < 0.0 < self.gains[0] and self.gains[1] > -0.1 * self.gains[0])
+        return self["v"] < 0.0 < self["e"] and self["ie"] > -0.1 * self["e"]
+
+    @property
+    def proportional(self) -> float:
+        """Gain of the error without that of its integral [N/m or N·m/rad]: of a cascade kv kp."""
+        return -self["v"] * self.cascade[0] if self.cascade[0] else self["e"]
 
     @property
     def ahead(self) -> tuple[float, float, float]:
@@ -81,21 +89,18 @@ class Law:
         What the loop integrates tells the share, unless it integrates none of it. Of one that is off, nothing tells how
         much of its proportional part it has: all.
         """
-        kv, ki, least = max(-self.gains[2], np.finfo(float).tiny), self.cascade[1], SETTINGS.share
-        direct = self.gains[TERMS.index("vr")] / kv
-        share = 1.0 + self.gains[TERMS.index("qr")] / ki if ki else direct
+        kv, ki, least = max(-self["v"], np.finfo(float).tiny), self.cascade[1], SETTINGS.share
+        direct = self["vr"] / kv
+        share = 1.0 + self["qr"] / ki if ki else direct
         if direct**2 > least and share < direct / 2.0:
             share, ki = direct, 0.0
         weight = direct / share if share**2 > least else 1.0
-        return float(share), float(weight * kv), ki
+        return share, weight * kv, ki
 
     @property
     def follows(self) -> dict[str, float]:
         """What a controller that is told of a load changes with it: name of a number -> change for a gain of 1 [1]."""
-        return {
-            "loop_gain": 1.0,
-            "acceleration_feedforward": float(self.gains[TERMS.index("ar")]) / self.inertia,
-        }
+        return {"loop_gain": 1.0, "acceleration_feedforward": self["ar"] / self.inertia}
 
     def effort(self, c: Columns) -> Floats:
         """Return the effort that the law asks for along the measured signals, without its constant, shape (n,)."""
@@ -103,7 +108,7 @@ class Law:
 
     def unfiltered(self, x: Floats, step: float) -> Floats:
         """Return an effort, (n,) or (n, p), sampled every ``step`` [s], as it is before the controller's filters."""
-        return np.asarray(x - self.gains[TERMS.index("du")] * np.gradient(x, step, axis=0))
+        return np.asarray(x - self["du"] * np.gradient(x, step, axis=0))
 
     def numbers(self) -> dict[str, Floats]:
         """Return what a change of each number of the controller adds to the gains, shape (10,) each.
@@ -111,18 +116,13 @@ class Law:
         Of what may have been off it is no relative one: a velocity feed-forward is a share, that of the acceleration a
         part of ``inertia``, and the integral gain of a cascade a part of the gain by which a speed follows an error.
         """
-        e, integral, damping, _, forward, _, _, weight, _, lead = self.gains
-        kp, ki = self.cascade
-        outer = -damping * kp if kp else e
-        share, at_once, later = self.ahead
-        more = weight / ki if ki else share - 1.0
+        (kp, ki), p, (share, at_once, later) = self.cascade, self.proportional, self.ahead
+        more = self["qr"] / ki if ki else share - 1.0
         added: dict[str, dict[str, float]] = {
-            "position_gain": {"e": outer, "ie": integral if kp else 0.0},
-            "proportional_gain": {"e": outer, "vr": forward, "v": damping},
-            "loop_gain": {"e": e, "ie": integral, "vr": forward, "v": damping, "qr": weight, "lead": lead},
-            "integral": {"e": outer, "ie": outer * kp, "qr": outer * more, "lead": outer}
-            if kp
-            else {"ie": integral},
+            "position_gain": {"e": p, "ie": self["ie"] if kp else 0.0},
+            "proportional_gain": {"e": p, "vr": self["vr"], "v": self["v"]},
+            "loop_gain": {k: self[k] for k in ("e", "ie", "vr", "v", "qr", "lead")},
+            "integral": {"e": p, "ie": p * kp, "qr": p * more, "lead": p} if kp else {"ie": self["ie"]},
             "velocity_feedforward": {"vr": at_once, "qr": later},
             "acceleration_feedforward": {"ar": self.inertia},
         }
@@ -135,10 +135,8 @@ class Law:
         """
         X = np.column_stack([c[k] for k in TERMS])
         X[:, TERMS.index("qr")] -= c["qr"][0]
-        return {
-            **{name: X @ gains for name, gains in self.numbers().items()},
-            "lead": X[:, -1] * self.gains[-1],
-        }
+        changes = {name: X @ gains for name, gains in self.numbers().items()}
+        return changes | {"lead": X[:, -1] * self["lead"]}
 
 
 def _solved(X: Floats, y: Floats, bounds: Floats) -> Floats:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.days.law import TERMS
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.dynamics.batch import regressor
@@ -108,7 +107,7 @@ def mechanisms(
     if name in r.laws and "e" in c:
         law = r.laws[name]
         out["effort_late"]["law"] = law.unfiltered(out["effort_late"]["plant"], s.step)
-        out["effort_scale"]["law"] = c["u"] - left[name, "law"] - law.gains[TERMS.index("du")] * c["du"]
+        out["effort_scale"]["law"] = c["u"] - left[name, "law"] - law["du"] * c["du"]
         out |= {k: {"law": x} for k, x in law.columns(c).items() if k in GROUPS["law"]}
     else:
         del out["torque_constant"]  # nothing tells it from a reading
