@@ -49,7 +49,6 @@ def diagnosis_schema() -> dict[str, Any]:
     """Return the JSON Schema of diagnosis.json: its keys and what each is; keys are only ever added."""
     rest: dict[str, Any] = {key: {} for key in ("gap", "unexplained", "remains", "shrink")}
     empty = Diagnosis(
-        verdict="none",
         sentence="",
         where=(),
         effects=(),

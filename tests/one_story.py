@@ -144,7 +144,7 @@ def read_back(document: Mapping[str, Any]) -> Diagnosis:
         )
         return Found(*given, size=[*map(size, x["sizes"])], acts=acts)
 
-    held = {k: document[k] for k in ("verdict", "sentence", "unexplained", "situation")}
+    held = {k: document[k] for k in ("sentence", "unexplained", "situation")}
     held |= {"remains": document.get("remains", {}), "noise": document.get("noise", "assumed")}
     held |= {k: document.get(k, ()) for k in ("advice", "confusable")}
     gaps = {

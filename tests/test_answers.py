@@ -88,9 +88,9 @@ def test_a_place_is_no_fraction_of_a_name() -> None:
     assert name_words(at) == "at 33.64 °"
 
 
-def diagnosed(signal: str, gap: Gap, effects: list[Named], verdict: str) -> Diagnosis:
+def diagnosed(signal: str, gap: Gap, effects: list[Named]) -> Diagnosis:
     gaps = {"X": {"u": Gap(1.0, 0.1, 1.0, 1.0, 1.0), signal: gap}}
-    return Diagnosis(verdict, "Said.", gaps, (), effects, (), {}, {}, "assumed", (), "change", {})  # type: ignore[arg-type]
+    return Diagnosis("Said.", gaps, (), effects, (), {}, {}, "assumed", (), "change", {})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("signal", ["e", "ql", "v"])
@@ -98,11 +98,11 @@ def test_every_open_signal_counts_in_the_verdict(signal: str) -> None:
     loud, quiet = Gap(9.0, 0.3, 0.1, 9.0, 1.0), Gap(1.2, 0.1, 0.1, 1.2, 1.0)
     push = Named("external_force", "X", 0.9, {}, {}, {}, [])
     for effects, before, after in (([], "none", "unexplained"), ([push], "explained", "partly_explained")):
-        said = with_open_signals(diagnosed(signal, loud, effects, before))
+        said = with_open_signals(diagnosed(signal, loud, effects))
         assert (said.verdict, dict(said.unexplained)) == (after, {"X": {signal: 1.0}})
         assert said.grade("X", signal) in OPEN
         assert "X" in said.sentence
-        assert with_open_signals(diagnosed(signal, quiet, effects, before)).verdict == before
+        assert with_open_signals(diagnosed(signal, quiet, effects)).verdict == before
 
 
 def test_a_drive_of_the_public_set_shows_one_gap_wherever_it_is_shown(data_dir: Path) -> None:

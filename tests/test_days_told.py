@@ -76,8 +76,9 @@ def test_a_velocity_loop_that_integrates_the_motor_has_one_gain_for_its_load() -
     assert found.gains[-1] == pytest.approx(ki, rel=0.2)
 
 
-def test_a_zero_is_told_by_what_it_does_beyond_the_slope(twin: pt.Twin) -> None:
-    r, shift = reference(twin, ["X", "A"]), 0.5
+@pytest.mark.parametrize("shift", [0.5, 1.2])
+def test_a_zero_is_told_by_what_it_does_beyond_the_slope(twin: pt.Twin, shift: float) -> None:
+    r = reference(twin, ["X", "A"])
     assert r is not None
     s = r.logs[0]
     q = s.motion.q[s.rows]

@@ -143,7 +143,7 @@ def test_without_a_twin_or_without_the_channel_nothing_is_said() -> None:
 
 def test_the_machine_gets_the_spring_that_was_found() -> None:
     found = look(recorded(2, frequency=18.0)).effects
-    d = Diagnosis("explained", "", {}, (), found, (), {}, {}, "assumed", (), "change", {}, subject=twin())
+    d = Diagnosis("", {}, (), found, (), {}, {}, "assumed", (), "change", {}, subject=twin())
     machine = extended(d)
     assert machine.passive["delta"].stiffness == found[0].theta["k"]
     assert machine.spec["passive"]["delta"]["damping"] == found[0].theta["c"]

@@ -92,9 +92,7 @@ def trial(name: str, machine: Machine, motion: Motion) -> Effect:
 
 
 def diagnosis(machine: Machine, *found: Found) -> Diagnosis:
-    return Diagnosis(
-        "explained", "", {}, [], list(found), [], {}, {}, "assumed", [], "structure", {}, subject=machine
-    )
+    return Diagnosis("", {}, [], list(found), [], {}, {}, "assumed", [], "structure", {}, subject=machine)
 
 
 def finding(effect: Effect) -> Found:

@@ -52,15 +52,15 @@ def test_a_tracking_error_is_open_from_further_on():
     assert grade(6.5, 1.0, 0.0, signal="e") == "not explained"
 
 
-def diagnosed(verdict, e, effects=()):
+def diagnosed(e, effects=()):
     gap = {"X": {"u": Gap(1.0, 0.1, 1.0, 1.0, 1.0), "e": Gap(e, 0.02, 0.0, e, 1.0)}}
-    return Diagnosis(verdict, "No change.", gap, (), effects, (), {}, {}, "assumed", (), "change", {})
+    return Diagnosis("No change.", gap, (), effects, (), {}, {}, "assumed", (), "change", {})
 
 
 def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
-    quiet = diagnosed("none", 3.5)
+    quiet = diagnosed(3.5)
     assert with_open_signals(quiet) is quiet
-    off = with_open_signals(diagnosed("none", 6.7))
+    off = with_open_signals(diagnosed(6.7))
     assert (off.verdict, off.unexplained) == ("unexplained", {"X": {"e": 1.0}})
     assert off.sentence.startswith("X follows its command unlike its twin: the tracking error is 6.7 times")
     assert off.grade("X", "e") == "not explained"
@@ -70,7 +70,7 @@ def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
 def test_a_tracking_error_may_shrink_by_what_was_named_on_another_axis(rms, after, word):
     gap = {"X": {"u": Gap(1.0, 0.1, 1.0, 1.0, 1.0), "e": Gap(rms, 0.02, 0.0, after, 1.0)}}
     other = Named("feedforward", "Y", 0.9, {}, {}, {}, [])
-    given = Diagnosis("explained", "", gap, (), [other], (), {}, {}, "assumed", (), "change", {})
+    given = Diagnosis("", gap, (), [other], (), {}, {}, "assumed", (), "change", {})
     assert given.grade("X", "e") == word
 
 

@@ -122,9 +122,7 @@ def test_repr_is_one_short_screen(folder):
         channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
     motion = prepare(table, pt.Log(channels))
     gap = {"Y": {"u": Gap(5.0, 0.05, 1.0, 5.0)}}
-    found = Diagnosis(
-        "none", "Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill"
-    )
+    found = Diagnosis("Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill")
     others = (
         pt.check(machine, folder / "log.csv"),
         pt.compare(twin, twin),

@@ -52,11 +52,10 @@ def diagnoses(draw: st.DrawFn) -> Diagnosis:
         causes.append(Found(name, axis, draw(st.floats(0.5, 1.0)), {}, {}, {"u": shrink}, [], size=[size]))
     for axis in set(gap) - {e.axis for e in causes}:  # nothing is taken off where nothing is named
         gap[axis] = {s: replace(g, after=g.rms) for s, g in gap[axis].items()}
-    d = Diagnosis("none", "", gap, [], causes, [], {}, {}, "repeats", [], situation, {})
+    d = Diagnosis("", gap, [], causes, [], {}, {}, "repeats", [], situation, {})
     left = {a: {s: 1.0 for s in row if d.grade(a, s) in OPEN} for a, row in gap.items()}
     left = {a: row for a, row in left.items() if row}
-    words = ("partly_explained", "explained") if causes else ("unexplained", "none")
-    return replace(d, unexplained=left, verdict=words[0 if left else 1])
+    return replace(d, unexplained=left)
 
 
 @given(diagnoses())

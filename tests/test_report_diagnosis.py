@@ -46,11 +46,10 @@ def found(effect: str = "quadratic_drag", axis: str = "Y") -> Found:
     return Found(effect, axis, 0.93, {}, {"b2": 12.0}, {"u": SHRINK}, [other], {}, size=[size])
 
 
-def diagnosis(verdict: str = "none", **changes: object) -> Diagnosis:
+def diagnosis(**changes: object) -> Diagnosis:
     t = np.r_[np.arange(0.0, 1.0, 0.01), np.arange(2.0, 3.0, 0.01)]
     trace = Traces("Y", 0, t, np.sin(t), 0.1 * np.sin(t))
     made = Diagnosis(
-        verdict=verdict,
         sentence="",
         gap={"Y": {"u": GAP}, "A": {"u": replace(GAP, rms=3.1)}},
         where=[],
@@ -69,7 +68,6 @@ def diagnosis(verdict: str = "none", **changes: object) -> Diagnosis:
 
 
 EXPLAINED = diagnosis(
-    "explained",
     where=[SPEED, TILT],
     effects=[found()],
     shrink={"Y": {"u": SHRINK}},
@@ -79,13 +77,10 @@ EXPLAINED = diagnosis(
 )
 PARTLY = replace(
     EXPLAINED,
-    verdict="partly_explained",
     unexplained={"Y": {"u": 0.4}},
     remains={"Y": "swings in time at 7 Hz"},
 )
-UNEXPLAINED = diagnosis(
-    "unexplained", where=[SPEED], unexplained={"Y": {"u": 1.0}}, remains={"Y": "event-like"}
-)
+UNEXPLAINED = diagnosis(where=[SPEED], unexplained={"Y": {"u": 1.0}}, remains={"Y": "event-like"})
 
 
 @pytest.mark.parametrize("given", [diagnosis(), EXPLAINED, PARTLY, UNEXPLAINED])
@@ -122,7 +117,7 @@ def test_a_tracking_error_without_a_cause_is_told_only_where_no_cause_is_named()
     off = Gap(rms=9e-6, nrmse=0.1, noise=math.nan, after=9e-6, misfit=1e-6)
     gap = {axis: {"u": own, "e": off} for axis in ("Y", "A")}
     limited = replace(found("saturation", "A"), shrink={})
-    said = headline(diagnosis("explained", gap=gap, effects=[limited], situation="change"))
+    said = headline(diagnosis(gap=gap, effects=[limited], situation="change"))
     assert any(line.startswith("The tracking error of Y is predicted worse") for line in said)
 
 
@@ -222,7 +217,7 @@ def test_many_numbers_become_a_few() -> None:
 
 def test_an_effort_that_had_no_limit_is_told_as_none_and_the_json_is_strict() -> None:
     limit = Size("saturation.limit", math.inf, 3.2, "N·m", (3.1, math.inf))
-    limited = diagnosis("explained", effects=[replace(found("saturation", "A"), size=[limit])])
+    limited = diagnosis(effects=[replace(found("saturation", "A"), size=[limit])])
     (line,) = [x for x in cause_lines(limited) if "limit none" in x]
     assert line.split("limit ")[1] == "none -> 3.2 N·m (90 %: 3.1 and more)"
     page = diagnosis_report(limited)

@@ -287,7 +287,7 @@ def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path)
     machine = Machine.load(tmp_path / "arm.urdf")
     t = 0.01 * np.arange(400)
     log = Log({"t": t, "J1.q": np.sin(t), "J2.q": 0.1 * np.sin(2 * t)})
-    found = Diagnosis("none", "", {}, (), (), (), {}, {}, "assumed", (), "structure", {}, subject=machine)
+    found = Diagnosis("", {}, (), (), (), {}, {}, "assumed", (), "structure", {}, subject=machine)
     said = write_view(dataclasses.replace(found, prepared=[Prepared(machine, log)]), tmp_path, None)
     assert (tmp_path / "machine.html").is_file()
     assert len(said) == 1

@@ -127,7 +127,6 @@ def diagnosis(answer: dict) -> Diagnosis:
         Region(axis, signal, "velocity", (-0.01, 0.01), "m/s", 0.3, 0.1, 0.01),
     ]
     return Diagnosis(
-        answer["verdict"],
         answer["sentence"],
         gap,
         where,

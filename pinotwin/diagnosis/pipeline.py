@@ -152,24 +152,23 @@ def _concluded(
     ordered = sorted(every, key=lambda e: -next((x.share for x in e.shrink.values()), float("inf")))
     named = [e for e in ordered if e.confidence >= SETTINGS.likely]
     possible = [e for e in ordered if e.confidence < SETTINGS.likely]
-    verdict = judge(c, account.patterns, gaps, named, possible)
+    sentence, unexplained, notes = judge(c, account.patterns, gaps, named, possible)
     groups = [g for x in account.causes for g in alike(x.turn)]
     names = [[x.partition(".")[2] for x in g] for g in groups]
     pairs = [(g[0], x) for g in names for x in dict.fromkeys(g[1:]) if x != g[0]]
     axis = next((g[0].partition(".")[0] for g in groups), None)
-    opened = {*verdict.unexplained, *(r.axis for r in account.pushed())}
+    opened = {*unexplained, *(r.axis for r in account.pushed())}
     advice, motions = advise(c, kind, named, opened, {*gaps, *c.gate.unknown}, pairs)
     return Diagnosis(
-        verdict=verdict.verdict,
-        sentence=verdict.sentence,
+        sentence=sentence,
         gap=gaps,
         where=_where(c, account),
         effects=named,
         confusable=groups,
-        unexplained=verdict.unexplained,
-        remains=verdict.remains,
+        unexplained=unexplained,
+        remains={**account.patterns, **c.gate.nameless, **c.gate.silent},
         noise=kind,
-        advice=[*advice, *verdict.notes],
+        advice=[*advice, *notes],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",

@@ -158,7 +158,6 @@ class Diagnosis(Drawn):
     """Where the residual lies, which effects cause it, and how far it falls.
 
     Attributes:
-        verdict: none, explained, partly_explained or unexplained.
         sentence: the verdict in words.
         gap: axis -> signal -> residual.
         where: regions, the most telling first.
@@ -188,7 +187,6 @@ class Diagnosis(Drawn):
         sealed: logs that nothing was fitted to, likewise.
     """
 
-    verdict: Verdict
     sentence: str
     gap: Mapping[str, Mapping[str, Gap]]
     where: Sequence[Region]
@@ -215,6 +213,13 @@ class Diagnosis(Drawn):
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     prepared: Sequence[Prepared] = field(default=(), repr=False, compare=False)
     sealed: Sequence[Prepared] = field(default=(), repr=False, compare=False)
+
+    @property
+    def verdict(self) -> Verdict:
+        """none, explained, partly_explained or unexplained: is a cause named, does a signal stay open?"""
+        if self.effects:
+            return "partly_explained" if self.unexplained else "explained"
+        return "unexplained" if self.unexplained else "none"
 
     @property
     def logs(self) -> Sequence[Log]:
@@ -287,6 +292,7 @@ class Diagnosis(Drawn):
         out = plain(
             {
                 "schema": 2,
+                "verdict": self.verdict,
                 **{f.name: getattr(self, f.name) for f in fields(self) if f.name not in HIDDEN},
                 "gap": {
                     a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}

@@ -1,10 +1,10 @@
-"""The verdict: one word, one sentence, and what stays open on every axis: every signal counts."""
+"""What a person reads first, and what stays open on every axis: every signal counts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,21 +12,9 @@ from pinotwin.diagnosis.conclusion.sizes import change_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import OPEN, grade, stays
 from pinotwin.diagnosis.phrases import effect_words
-from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Verdict
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.system.phrases import JUDGED, SIGNALS, capital, joined
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """What is concluded."""
-
-    verdict: Verdict  # the word
-    sentence: str  # what a person reads first
-    # axis -> signal -> share of the squared gap that no named cause closes
-    unexplained: Mapping[str, Mapping[str, float]]
-    remains: Mapping[str, str]  # axis -> what is left follows, in words
-    notes: Sequence[str]  # what deserves attention on single axes
 
 
 def judge(
@@ -35,8 +23,8 @@ def judge(
     gaps: Mapping[str, Mapping[str, Gap]],
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
-) -> Judgement:
-    """Return the verdict on a comparison; ``patterns``: axis -> what is left follows, in words."""
+) -> tuple[str, dict[str, dict[str, float]], list[str]]:
+    """Return the sentence, axis -> signal -> share [1] that stays open, and notes; ``patterns``: what that follows."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
     open_axes = {axis: row["u"] for axis, row in judged.items() if row["u"].is_open()}
     told = {axis for e in effects for axis in _axes(e)}
@@ -45,10 +33,6 @@ def judge(
     left = (*open_axes, *patterns, *unsure, *(name for name in c.gate.silent if name in gaps))
     ratio = {axis: gaps[axis]["u"].after / max(gaps[axis]["u"].rms, 1e-300) for axis in left}
     unexplained = {axis: {"u": float(np.clip(x**2, 0.0, 1.0))} for axis, x in ratio.items()}
-    if effects:
-        verdict: Verdict = "partly_explained" if unexplained else "explained"
-    else:
-        verdict = "unexplained" if unexplained else "none"
     notes = [
         f"{axis}: the residual is {row['u'].after / row['u'].expected:.1f} times the twin's expected error, and "
         "no single cause explains it. This motion may lie outside the data of the twin"
@@ -57,10 +41,9 @@ def judge(
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
-    first = _sentence(c, verdict, effects, still or judged, patterns)
+    first = _sentence(c, effects, unexplained, still or judged, patterns)
     sentence = ". ".join([*first, *unsure_words(possible), *runs, *unjudged(c, told)])
-    remains = {**patterns, **c.gate.nameless, **c.gate.silent}
-    return Judgement(verdict, sentence, unexplained, remains, notes)
+    return sentence, unexplained, notes
 
 
 def _axes(e: Found) -> set[str]:
@@ -106,14 +89,14 @@ def unjudged(c: Comparison, told: Collection[str]) -> list[str]:
 
 def _sentence(
     c: Comparison,
-    verdict: Verdict,
     effects: Sequence[Found],
+    unexplained: Collection[str],
     gaps: Mapping[str, Mapping[str, Gap]],
     patterns: Mapping[str, str],
 ) -> list[str]:
     if not gaps:
         return [] if c.gate.silent else ["No axis moves enough to be judged"]
-    if verdict == "none":
+    if not effects and not unexplained:
         if c.change:
             return ["No change found: the residual is no larger than on the twin's own data"]
         return ["No missing effect found in these logs"]
@@ -127,12 +110,8 @@ def _sentence(
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
         text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"
         text += f"; it {patterns[largest]}" if largest in patterns else ""
-    head = {
-        "explained": "has changed: " if c.change else "the model misses ",
-        "partly_explained": "has changed in part: " if c.change else "the model misses in part ",
-        "unexplained": "",
-    }[verdict]
-    text = (head + text).strip()
+    part, verb = " in part" if unexplained else "", "has changed{}: " if c.change else "the model misses{} "
+    text = (verb.format(part) * bool(effects) + text).strip()
     return [capital(text)] if text else []
 
 
@@ -162,12 +141,11 @@ def with_open_signals(found: Diagnosis) -> Diagnosis:
     for axis, signal in off:
         g = found.gap[axis][signal]
         unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
-    verdict: Verdict = "partly_explained" if found.effects else "unexplained"
     parts = [] if found.recording else [_left_open(*at, x, found) for at, x in off.items()]
     told = [found.sentence, *parts]
     if found.verdict == "none":  # that nothing was found stands first, and does not hold
         told = [*parts, *found.sentence.split(". ")[1:]]
-    return replace(found, verdict=verdict, sentence=". ".join(told), unexplained=unexplained)
+    return replace(found, sentence=". ".join(told), unexplained=unexplained)
 
 
 def _left_open(axis: str, signal: str, times: float, found: Diagnosis) -> str:

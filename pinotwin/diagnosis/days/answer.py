@@ -29,7 +29,7 @@ from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
 from pinotwin.diagnosis.payload import plain_body
 from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
-from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, Verdict, shrunk
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, shrunk
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
@@ -410,9 +410,6 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     """Return an answer in the form of the contract; ``differ``: the logs that are judged alone."""
     c, opened, gap, possible = a.c, a.open(), a.gap, [a.told(x) for x in a.possible]
     effects = [*a.found(), *more]
-    word: Verdict = "partly_explained" if opened else "explained"
-    if not effects:
-        word = "unexplained" if opened else "none"
     refuted = {x.axis for x in a.judged.rows[:1] if x.contradicted}
     first = [*a.sentence(effects), *unsure_words(possible)]
     only = [JUDGED["others"].format(logs=", ".join(differ))] if differ else []
@@ -422,7 +419,6 @@ def _told(a: Answer, more: Sequence[Found], differ: Sequence[str]) -> Diagnosis:
     lacked = [missing | {"axis": k, "share": x} for k, (size, x) in a.r.lacked.items() if size > c.worth]
     improve = [JUDGED["lacked"].format(**x) for x in lacked]
     return Diagnosis(
-        verdict=word,
         sentence=". ".join([*first, *only, *unjudged(c, {str(e.axis) for e in effects})]),
         differs=list(differ),
         gap=gap,

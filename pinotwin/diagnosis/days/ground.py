@@ -281,7 +281,7 @@ class Ground:
             return None
         rest, size = np.delete(X, own, axis=1), np.sqrt(np.mean(columns**2, axis=0))
         cells = replace(p, twin=rest @ _compressed(rest)).cells(self.noise[j], columns / size)
-        got = score([(cells, cells.at["cause"])], len(size))
+        got = score([(cells, cells.at["cause"])], len(size), form=False)
         theta = np.asarray(got.theta / size)
         return np.asarray(turn), theta, np.asarray(got.covariance / np.outer(size, size))
 
@@ -338,7 +338,7 @@ class Ground:
         joints = [j for j in tables[0] if j in self.parts]
         count = tables[0][joints[0]].shape[1]
         use = [self.parts[j][0].cells(self.noise[j], tables[0][j]) for j in joints]
-        got = score([(x, x.at["cause"]) for x in use], count)
+        got = score([(x, x.at["cause"]) for x in use], count, form=False)
         left = {
             j: _least(c) * self.noise[j][0] ** 2 * self.noise[j][1] for j, c in zip(joints, use, strict=True)
         }

@@ -184,7 +184,7 @@ def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> d
     q = s.motion.q[s.rows]
     for name in r.axes:
         one, shift, moving = np.array(names) == name, 0.0, s.axes[name]["moving"]
-        for _ in range(3):  # a slope alone, -d tau / d q, ends where a ripple turns
+        for _ in range(6):  # a slope alone, -d tau / d q, ends where a ripple turns
             step = max(0.5 * abs(shift), 1e-3)
             ends = q + (step - 0.5 * shift) * one, q - (step + 0.5 * shift) * one
             low, high = (r.twin.predict(x, 0.0 * q, 0.0 * q) for x in ends)

@@ -117,7 +117,7 @@ def again(cause: str, axis: str, cells: tuple[Told, Told], number: float, price:
             before, after = (score([(x, NONE)], 0) for x in (old, c))
             new, was = after.held[0], before.held[0]
             by["day"] += after.cost - before.cost
-            was_open, is_open = opened(old, was), opened(c, new)
+            was_open, is_open = opened(old, before.left[0]), opened(c, after.left[0])
             closed[equation] = (was_open - is_open) / max(was_open - 1.0, 0.1)
             by[equation] = by.get(equation, 0.0) + float(new.sum() - was.mean() * len(new))
             for k in range(len(logs)):

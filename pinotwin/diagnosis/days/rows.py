@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.forms import possible
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import POSSIBLE, READ, Acts, group_of
-from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
 from pinotwin.diagnosis.days.stretch import combined
@@ -27,7 +25,6 @@ class Asked:
     """The evidence of a question beside the causes that were found so far; no ``search``: without what is sought."""
 
     def __init__(self, q: Question, found: Sequence[Row] = (), *, search: bool = True) -> None:
-        q = replace(q, reference=_beside(q.reference, found))
         self.q, self.r, self.found = q, q.reference, tuple(f.refitted for f in found)
         shapes = _shapes(q, self.found)
         self.tried = tried = Tried(q, found, shapes, search=search)
@@ -39,10 +36,10 @@ class Asked:
         self.valid = {k: cells(self.r, q.valid, left, k, x, found=shapes) for k, x in tried.unseen.items()}
         self.keys = [(k, e) for k in self.r.axes for e in self.cells[k]]
         self.base = {key: score([(self.cells[key[0]][key[1]], NONE)], 0) for key in self.keys}
-        held, known = {key: x.held[0] for key, x in self.base.items()}, self._touched("", ())
+        rest, known = {key: x.left[0] for key, x in self.base.items()}, self._touched("", ())
         if known:
-            held |= zip(known, self._alone(known, sum(x.count for x in self.found)).held, strict=True)
-        self.open = {key: opened(self.cells[key[0]][key[1]], x) for key, x in held.items()}
+            rest |= zip(known, self._alone(known, sum(x.count for x in self.found)).left, strict=True)
+        self.open = {key: opened(self.cells[key[0]][key[1]], x) for key, x in rest.items()}
 
     def rows(self, *, every: bool = False) -> list[Row]:
         """Return the rows of all causes, best first; of descriptions and other axes the best of each axis, or all."""
@@ -56,18 +53,19 @@ class Asked:
     def _row(self, cause: str, axis: str, axes: Sequence[str]) -> Row | None:
         """Return the row of a cause; None of one that no machine can have, or that is not worth a word."""
         short, _, what = cause.partition(":")
-        group, before = group_of(short), sum(x.count for x in self.found)
+        group, old = group_of(short), sum(x.count for x in self.found)
         keys = self._touched(cause, axes)
         p = max((len(self.cells[a][e].columns(cause, 0)) for a, e in keys if a in axes), default=0)
         if not p:
             return None
-        prior = np.r_[np.full(before, 1e6), np.ones(p)] if short == "describe" else None
+        prior = np.ones(p) if short == "describe" else None
         use = [(self.cells[a][e], self._index(a, e, cause if a in axes else "", p)) for a, e in keys]
-        with_it, alone = score(use, before + p, prior), self._alone(keys, before)
+        with_it, alone = score(use, old + p, prior, form=prior is None), self._alone(keys, old)
         searched = group in ("time", "place")
-        pairs = (with_it.full, alone.full) if searched else (with_it.held, alone.held)
-        gains = [a - b for a, b in zip(*pairs, strict=True)]
-        theta, error = with_it.theta[before:], with_it.error[before:]
+        told = [(x.full, x.left_full) if searched else (x.held, x.left) for x in (alone, with_it)]
+        (off, before), (on, after) = told
+        gains = [a - b for a, b in zip(on, off, strict=True)]
+        theta, error = with_it.theta[old:], with_it.error[old:]
         worth = self._worth(cause, axes, theta, searched=searched)
         place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
         if place is not None and place.form is not None and not possible(self.r, place, theta, error):
@@ -98,7 +96,7 @@ class Asked:
             logs=self._by_log(keys, gains, with_it.costs - alone.costs),
             positive=positive(every),
             spread=spread(every),
-            closed=self._closed(dict(zip(keys, alone.held, strict=True)), gains),
+            closed=self._closed(keys, before, after),
             valid=self._validated(cause, axes, theta),
             what=what,
             form=None if place is None else place.form,
@@ -110,7 +108,7 @@ class Asked:
             unseen=self._unseen(cause, axes),
             numbers=theta,
             errors=error,
-            beside=np.array([with_it.theta[:before], with_it.error[:before]]),
+            beside=np.array([with_it.theta[:old], with_it.error[:old]]),
         )
 
     def _by_log(self, keys: Sequence[tuple[str, str]], gains: Sequence[Floats], costs: Floats) -> list[float]:
@@ -160,7 +158,9 @@ class Asked:
             return score([(self.cells[a][e], self._index(a, e, "", 0)) for a, e in keys], count)
         each = [self.base[key] for key in keys]
         held, full = [x.held[0] for x in each], [x.full[0] for x in each]
-        return replace(each[0], held=held, full=full, costs=_sum([x.costs for x in each]))
+        left, left_full = [x.left[0] for x in each], [x.left_full[0] for x in each]
+        costs = _sum([x.costs for x in each])
+        return Scored(held, full, left, left_full, np.zeros(0), np.zeros((0, 0)), [], costs)
 
     def _worth(self, cause: str, axes: Sequence[str], theta: Floats, *, searched: bool) -> float:
         """Return the size of a cause in the effort, over the effort's own, where it is largest.
@@ -178,15 +178,15 @@ class Asked:
                 shares.append(size / max(float(np.std(u)), 1e-300))
         return max(shares, default=1.0)
 
-    def _closed(self, alone: Mapping[tuple[str, str], Floats], gains: Sequence[Floats]) -> dict[str, float]:
-        """Return equation -> share of what is open beside what was found that goes."""
+    def _closed(
+        self, keys: Sequence[tuple[str, str]], without: Sequence[Floats], with_it: Sequence[Floats]
+    ) -> dict[str, float]:
+        """Return equation -> share of what is open that goes, from squared residuals without a cause and with it."""
         out: dict[str, Floats] = {}
-        for (key, held), g in zip(alone.items(), gains, strict=True):
-            c = self.cells[key[0]][key[1]]
-            rows = max(float(c.rows.sum()), 1e-9)
-            before, after = (rows * opened(c, x) for x in (held, held + g))
-            row = np.array([before - after, max(before - rows, 5.0)])
-            out[key[1]] = out.get(key[1], np.zeros(2)) + row
+        for (axis, equation), before, after in zip(keys, without, with_it, strict=True):
+            rest = float(before.sum() - self.cells[axis][equation].rows.sum())
+            row = np.array([float(before.sum() - after.sum()), max(rest, 5.0)])
+            out[equation] = out.get(equation, np.zeros(2)) + row
         return {e: float(a / b) for e, (a, b) in out.items()}
 
     def _validated(self, cause: str, axes: Sequence[str], theta: Floats) -> float | None:
@@ -235,20 +235,6 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
                 if f.group == "body":
                     out[axis, "law"] = min(size, 1.0)
     return out
-
-
-def _beside(r: Reference, found: Sequence[Row]) -> Reference:
-    """Return healthy days with the noise that causes leave which are known to a hundredth of what they do."""
-    whitenings = dict(r.whitenings)
-    for f in found:
-        for axis, each in f.acts.items():
-            for equation in each[0]:
-                w = whitenings[axis, equation]
-                y = np.concatenate([w(combined(x[equation], f.numbers)) for x in each])
-                whitenings[axis, equation] = replace(
-                    w, sigma=float(np.hypot(w.sigma, SETTINGS.share * rms(y)))
-                )
-    return replace(r, whitenings=whitenings)
 
 
 def _sum(parts: Sequence[Floats]) -> Floats:

@@ -2,7 +2,8 @@
 
 Rows are summed into cells, one Gram matrix each over [a zero, columns of a healthy day, columns of causes, residual].
 A cause is then a set of columns; its score takes a millisecond. Cells are Student's t, so that one bad cell decides
-nothing; columns of a healthy day have a standard normal prior and leave by Schur complement, log by log.
+nothing, and vary more where a cause acts whose form is not quite right. Columns of a healthy day have a standard
+normal prior and leave by Schur complement, log by log.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Scored:
 
     Attributes:
         held: log density of every cell by numbers that do not know it, one array an equation [nats].
-        full: the same by numbers that know all.
+        full: the same by numbers that know all. left, left_full: squared residual of every cell, likewise.
         theta: numbers, shape (p,). covariance: theirs, shape (p, p).
         days: what of the columns of a healthy day is taken off, of every log of every equation, shape (d,) each.
         costs: log prior of the healthy day of every log [nats], shape (logs,).
@@ -54,6 +55,8 @@ class Scored:
 
     held: list[Floats]
     full: list[Floats]
+    left: list[Floats]
+    left_full: list[Floats]
     theta: Floats
     covariance: Floats
     days: list[Floats]
@@ -71,32 +74,48 @@ class Scored:
 
 
 def score(
-    use: Sequence[tuple[Cells, Ints]], count: int, prior: Floats | None = None, fixed: Floats | None = None
+    use: Sequence[tuple[Cells, Ints]],
+    count: int,
+    prior: Floats | None = None,
+    fixed: Floats | None = None,
+    *,
+    form: bool = True,
 ) -> Scored:
     """Return the score of a cause, at the likelier of two maxima: about nothing, and about what equal weights tell.
 
     ``use``: equations with the columns of the cause in each, shape (count,); ``prior``: widths of its numbers, shape
-    (count,); ``fixed``: these numbers, where they are known already.
+    (count,); ``fixed``: these numbers, where they are known already; ``form``: whether its form may be off.
     """
     views = [(c, at, np.flatnonzero(c.log == log)) for c, at in use for log in np.unique(c.log)]
-    gram, rows, fold = _stacked(views, count)
+    gram, rows, fold, constant = _stacked(views, count)
     penalty = 1e-8 * np.eye(count) if prior is None else np.diag(1.0 / np.square(prior))
     x = _likeliest(gram, rows, penalty, fixed)
-    weights = (SETTINGS.freedom + rows) / (SETTINGS.freedom + _left(gram, x))
+    acts = np.zeros_like(x)
+    acts[..., -count - 1 : -1] = x[..., -count - 1 : -1]
+    size = _left(gram, acts) / np.maximum(rows, 1e-9)
+    part = _part(_left(gram, x), rows, size) if form else 0.0
+    wide = 1.0 + part**2 * size
+    weights = (SETTINGS.freedom + rows) / (SETTINGS.freedom * wide + _left(gram, x))
     without = fold != np.arange(SETTINGS.folds)[:, None]
     x, theta, information = _solved(gram, np.hstack([weights, weights * without]), penalty, fixed)
     left, whose = _left(gram, x), [c.log[own[0]] for c, _, own in views]
     costs = np.asarray(-0.5 * np.bincount(whose, np.sum(x[:, 0, : -count - 1] ** 2, axis=1)), dtype=float)
 
-    def told(left: Floats) -> list[Floats]:
-        pairs = list(zip(density(left, rows)[:, 0], views, strict=True))
-        every = [[x[: len(own)] + c.constant[own] for x, (c, _, own) in pairs if c is one] for one, _ in use]
-        return [np.concatenate(x) for x in every]
+    def by_equation(cells: Floats) -> list[Floats]:
+        pairs = list(zip(cells[:, 0], views, strict=True))
+        return [np.concatenate([x[: len(own)] for x, (c, _, own) in pairs if c is one]) for one, _ in use]
 
-    held, full = told(np.take_along_axis(left, 1 + fold, axis=1)), told(left[:, :1])
+    unseen, left = np.take_along_axis(left, 1 + fold, axis=1), left[:, :1]
+    held, full = (by_equation(density(x, rows, wide) + constant) for x in (unseen, left))
     covariance = np.linalg.pinv(information[0]) if count else np.zeros((0, 0))
     days = [own[: c.day] for own, (c, _, _) in zip(x[:, 0], views, strict=True)]
-    return Scored(held, full, theta[0], covariance, days, costs)
+    return Scored(held, full, by_equation(unseen), by_equation(left), theta[0], covariance, days, costs)
+
+
+def _part(left: Floats, rows: Floats, size: Floats) -> float:
+    """Return by what part of ``size``, what a cause does in every row, its form is off [1]: the likeliest of a few."""
+    parts = [0.0, *np.geomspace(SETTINGS.share, SETTINGS.trace, 4).tolist()]
+    return max(parts, key=lambda part: float(density(left, rows, 1.0 + part**2 * size).sum()))
 
 
 def _likeliest(gram: Floats, rows: Floats, penalty: Floats, fixed: Floats | None) -> Floats:
@@ -121,19 +140,21 @@ def _likeliest(gram: Floats, rows: Floats, penalty: Floats, fixed: Floats | None
     return x
 
 
-def _stacked(views: Sequence[tuple[Cells, Ints, Ints]], count: int) -> tuple[Floats, Floats, Ints]:
-    """Return Gram matrices (v, c, p, p), rows and folds (v, 1, c) side by side, filled up with zeros.
+def _stacked(views: Sequence[tuple[Cells, Ints, Ints]], count: int) -> tuple[Floats, Floats, Ints, Floats]:
+    """Return Gram matrices (v, c, p, p), rows, folds and constants (v, 1, c) side by side, filled up with zeros.
 
     A view is what one log tells of one equation: its cells, the columns of the cause, and which cells.
     """
     day, most = max(c.day for c, _, _ in views), max(len(own) for _, _, own in views)
     gram = np.zeros((len(views), most, day + count + 1, day + count + 1))
-    rows, fold = np.zeros((2, len(views), 1, most))
+    rows, fold, constant = np.zeros((3, len(views), 1, most))
     for k, (c, at, own) in enumerate(views):
         columns = np.r_[1 : 1 + c.day, np.zeros(day - c.day), at, c.gram.shape[1] - 1].astype(np.intp)
-        gram[k, : len(own)] = c.gram[own[:, None, None], columns[:, None], columns]
-        rows[k, 0, : len(own)], fold[k, 0, : len(own)] = c.rows[own], c.fold[own]
-    return gram, rows, fold.astype(np.intp)
+        flat = c.gram.reshape(len(c.gram), -1)[own[0] : own[-1] + 1]  # those of one log are side by side
+        gram[k, : len(own)] = np.take(flat, columns[:, None] * c.gram.shape[1] + columns, axis=1)
+        told = np.stack([c.rows, c.fold, c.constant])[:, own]
+        rows[k, 0, : len(own)], fold[k, 0, : len(own)], constant[k, 0, : len(own)] = told
+    return gram, rows, fold.astype(np.intp), constant
 
 
 def _left(gram: Floats, x: Floats) -> Floats:
@@ -143,10 +164,13 @@ def _left(gram: Floats, x: Floats) -> Floats:
     return np.maximum(square @ gram.reshape(views, cells, p * p).swapaxes(1, 2), 0.0)
 
 
-def density(left: Floats, rows: Floats) -> Floats:
-    """Return the log density of cells [nats], but for a constant, from their squared residual and rows, (c,) each."""
+def density(left: Floats, rows: Floats, wide: Floats | float = 1.0) -> Floats:
+    """Return the log density of cells [nats], but for a constant, from squared residual and rows, (c,) each.
+
+    ``wide``: by how much more each varies [1].
+    """
     nu = SETTINGS.freedom
-    return np.asarray(-0.5 * (nu + rows) * np.log1p(left / nu))
+    return np.asarray(-0.5 * ((nu + rows) * np.log1p(left / (nu * wide)) + rows * np.log(wide)))
 
 
 def _solved(
@@ -183,6 +207,6 @@ def squared(density_: Floats, rows: Floats) -> Floats:
     return np.asarray(nu * np.expm1(-2.0 * density_ / (nu + rows)))
 
 
-def opened(c: Cells, base: Floats) -> float:
-    """Return the squared residual of an equation over what a healthy one has, from its cells' densities [nats]."""
-    return float(squared(base - c.constant, c.rows).sum() / max(c.rows.sum(), 1e-9))
+def opened(c: Cells, left: Floats) -> float:
+    """Return the squared residual of an equation over what a healthy one has [1], from that of its cells."""
+    return float(left.sum() / max(c.rows.sum(), 1e-9))

@@ -57,7 +57,7 @@ def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
         before = cells(r, logs, [{(name, "law"): d.left} for d in each], name)
         row = limit_row(each, before, r)
         if row is not None:
-            open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).held[0])}
+            open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).left[0])}
             cases.append(case_of(r, [row], open_))
     case = max((x for x in cases if x.causes), key=lambda x: x.causes[0].score, default=None)
     if case is None or _never_beyond(c, name, case.causes[0].theta):
