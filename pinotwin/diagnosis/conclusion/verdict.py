@@ -24,7 +24,7 @@ def judge(
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
 ) -> tuple[str, dict[str, dict[str, float]], list[str]]:
-    """Return the sentence, axis -> signal -> share [1] that stays open, and notes; ``patterns``: what that follows."""
+    """Return the sentence, axis -> signal -> share [1] that stays open, and notes; ``patterns``: axis -> in words."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
     open_axes = {axis: row["u"] for axis, row in judged.items() if row["u"].is_open()}
     told = {axis for e in effects for axis in _axes(e)}
@@ -110,8 +110,9 @@ def _sentence(
         share = f"{gaps[largest]['u'].nrmse:.1%} of its effort"
         text += ("; " if text else "") + f"no known effect explains the residual of {largest} ({share})"
         text += f"; it {patterns[largest]}" if largest in patterns else ""
-    part, verb = " in part" if unexplained else "", "has changed{}: " if c.change else "the model misses{} "
-    text = (verb.format(part) * bool(effects) + text).strip()
+    if effects:
+        part = " in part" if unexplained else ""
+        text = (f"has changed{part}: " if c.change else f"the model misses{part} ") + text
     return [capital(text)] if text else []
 
 

@@ -71,9 +71,8 @@ def _beside(
     return [np.column_stack(p) for p in parts], where
 
 
-_Cell = tuple[
-    Floats, float, int, int, float
-]  # Gram matrix, rows, log, fold, and what is added to the density [nats]
+_Cell = tuple[Floats, float, int, int, float]
+"""Gram matrix, independent rows, log, fold, and what is added to the log density [nats]."""
 
 
 def _summed(x: Floats, on: Mask, cell: Ints, log: int, spread: float, lost: float | None) -> Iterator[_Cell]:

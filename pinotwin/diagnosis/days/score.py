@@ -93,7 +93,7 @@ def score(
     acts = np.zeros_like(x)
     acts[..., -count - 1 : -1] = x[..., -count - 1 : -1]
     size = _left(gram, acts) / np.maximum(rows, 1e-9)
-    part = _part(_left(gram, x), rows, size) if form else 0.0
+    part = _part(_left(gram, x), rows, size) if form and count else 0.0
     wide = 1.0 + part**2 * size
     weights = (SETTINGS.freedom + rows) / (SETTINGS.freedom * wide + _left(gram, x))
     without = fold != np.arange(SETTINGS.folds)[:, None]
@@ -113,7 +113,7 @@ def score(
 
 
 def _part(left: Floats, rows: Floats, size: Floats) -> float:
-    """Return by what part of ``size``, what a cause does in every row, its form is off [1]: the likeliest of a few."""
+    """Return the likeliest part of what a cause does by which its form is off [1]; ``size``: its square in a row."""
     parts = [0.0, *np.geomspace(SETTINGS.share, SETTINGS.trace, 4).tolist()]
     return max(parts, key=lambda part: float(density(left, rows, 1.0 + part**2 * size).sum()))
 

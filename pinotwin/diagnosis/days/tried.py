@@ -119,7 +119,7 @@ class Tried:
             each = []
             for k, (s, left) in enumerate(zip(q.valid, q.valid_left, strict=True)):
                 acts = mechanisms(r, s, name, left, float(len(q.logs)))
-                told = descriptions(r, s, name, ends, (0, len(q.logs)), program=False)
+                told = {} if self.found else descriptions(r, s, name, ends, (0, len(q.logs)), program=False)
                 acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
                 acts |= {cause: {"plant": x[k][name]} for cause, x in wide.items()}
                 acts |= self._known(s, name)
