@@ -183,12 +183,28 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
 
 def test_a_change_is_sought_among_the_effects_of_the_catalogue(known_days: Reference) -> None:
     tried = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns["X"][0]
-    forms = {"stribeck", "hysteresis", "position_table", "encoder_error"}
-    assert forms | {"inertial_coupling", "payload", "payload:X"} <= set(tried)
+    forms = {"stribeck", "hysteresis", "position_table", "encoder_error:X"}
+    assert forms | {"inertial_coupling:X", "payload", "payload:X"} <= set(tried)
     assert "presliding" not in tried  # dry friction by another law
     plain = Asked(Question.of(known_days, known_days.logs[:1]), search=False).tried.columns["X"][0]
     assert not forms & set(plain)
     assert set(plain) < set(tried)
+
+
+def test_a_soft_drive_and_what_feels_it_through_the_inertia_are_one_cause(known_days: Reference) -> None:
+    q = Question.of(known_days, [s for s in known_days.logs if s.log == 0])
+    spring = EFFECTS["drive_flexibility"].on(known_days.twin.machine, "X").shaped([12.0, 0.05])
+    lefts = [dict(left) for left in q.left]
+    for s, left in zip(q.logs, lefts, strict=True):
+        found = spring.columns(s.motion)
+        for k, j in enumerate(found.joints):
+            left[s.motion.names[j], "plant"] = left[s.motion.names[j], "plant"] + s.taken(
+                found.values[:, k, 0]
+            )
+    best, *others = Asked(replace(q, left=lefts)).rows()
+    assert (best.name, best.axis, set(best.acts)) == ("drive_flexibility", "X", {"X", "A"})
+    assert best.theta * best.scale[-1] == pytest.approx(1.0, abs=0.15)
+    assert all(x.score < 0.7 * best.score for x in others)
 
 
 def test_a_body_is_named_on_the_link_that_carries_it() -> None:

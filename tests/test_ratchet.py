@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 55_016,
+    lines: 55_014,
     module_numbers: 103,
     numbers_without_unit: 291,
     stories: 5,

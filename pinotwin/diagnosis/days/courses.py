@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
-from pinotwin.diagnosis.days.mechanisms import ENCODER, PLAY, Acts, after_starts, starts, zeros
-from pinotwin.diagnosis.days.places import Span
+from pinotwin.diagnosis.days.mechanisms import ENCODER, PLAY, after_starts, starts, zeros
+from pinotwin.diagnosis.days.places import Sought, Span
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import density
@@ -22,23 +21,9 @@ from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms, runs
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
-    """A cause with its course.
-
-    Attributes:
-        acts: of every stretch, equation -> column. price: of the search [nats].
-        since: instant at which it begins in every stretch; or how long it acts after a start, and the stand [s].
-    """
-
-    acts: list[Acts]
-    price: float
-    since: list[float] = field(default_factory=list)
-
-
 def courses(
     r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str, beside: Sequence[Row] = ()
-) -> dict[str, Course]:
+) -> dict[str, Sought]:
     """Return what begins at an instant of each log or acts after starts, and the side of a play as a hidden state."""
     dry, w = [s.axes[name]["dry"] for s in logs], r.whitenings[name, "plant"]
     found = {"friction_since": since(logs, dry, left, (name, "plant"), beside, w)}
@@ -59,7 +44,7 @@ def since(
     key: tuple[str, str],
     beside: Sequence[Row] = (),
     w: Whitening | None = None,
-) -> Course | None:
+) -> Sought | None:
     """Return a cause, (n,) in each log, since an instant, sought in what ``w`` whitens; None if from the start.
 
     Causes ``beside`` it may be as large as they like, and so may a constant between encoders.
@@ -75,10 +60,8 @@ def since(
         begin.append(onset(s, columns[:, 0], columns[:, 1], columns[:, 2:]))
     if max(begin) <= 1.0:
         return None
-    acts = [
-        {equation: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)
-    ]
-    return Course(acts, 0.5 * SETTINGS.place * len(logs), begin)
+    late = [x * s.low((s.t > t).astype(float)) for s, x, t in zip(logs, course, begin, strict=True)]
+    return Sought(late, 0.5 * SETTINGS.place * len(logs), equation, since=begin)
 
 
 def onset(s: Stretch, course: Floats, left: Floats, known: Floats) -> float:
@@ -92,25 +75,26 @@ def onset(s: Stretch, course: Floats, left: Floats, known: Floats) -> float:
     return float(s.t[int(np.argmax(gain[: int(0.95 * len(gain))]))])
 
 
-def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course | None:
+def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Sought | None:
     """Return friction for a while after every start from a stand, as of a brake that releases late."""
     size, y = r.widths[name]["effort"], [x[name, "plant"] for x in left]
 
-    def columns(long: float, stand: float) -> list[Floats]:
-        return [after_starts(s, name, long, stand) * size for s in logs]
+    def column(s: Stretch, long: float, stand: float) -> dict[str, Floats]:
+        return {name: after_starts(s, name, long, stand) * size}
 
     def gain(long: float, stand: float) -> float:
-        return _gain([x * s.axes[name]["moving"] for s, x in zip(logs, columns(long, stand), strict=True)], y)
+        return _gain([column(s, long, stand)[name] * s.axes[name]["moving"] for s in logs], y)
 
     stands = [x for x in (0.02, 0.08, 0.3) if all(len(starts(s, name, x)) > 1 for s in logs)]
     if not stands:
         return None
     longs = [peak(partial(gain, stand=x), np.geomspace(0.1, 0.6, 5).tolist()) for x in stands]
     long, stand = max(zip(longs, stands, strict=True), key=lambda x: gain(*x))
-    return Course([{"plant": x} for x in columns(long, stand)], SETTINGS.place, [long, stand])
+    again = partial(column, long=long, stand=stand)
+    return Sought([again(s)[name] for s in logs], SETTINGS.place, since=[long, stand], again=again)
 
 
-def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course:
+def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Sought:
     """Return a controller that does nothing near its command: its number is the band over the usual error."""
     asked = [r.laws[name].effort(s.axes[name]) for s in logs]
     usual = float(np.mean([np.std(s.axes[name]["e"]) for s in logs]))
@@ -122,7 +106,7 @@ def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name
 
     y = [x[name, "law"] for x in left]
     band = peak(lambda x: _gain(columns(x), y), np.geomspace(0.05, 1.0, 12).tolist())
-    return Course([{"law": x} for x in columns(band)], SETTINGS.place)
+    return Sought(columns(band), SETTINGS.place, "law")
 
 
 def _gain(columns: Sequence[Floats], left: Sequence[Floats]) -> float:
@@ -131,7 +115,7 @@ def _gain(columns: Sequence[Floats], left: Sequence[Floats]) -> float:
     return both * abs(both) / max(sum(float(a @ a) for a in columns), 1e-300)
 
 
-def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Course | None:
+def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Sought | None:
     """Return lost motion whose place in its gap is a hidden state; each change is paid for."""
     ends = [np.quantile(x[name, "encoders"], [0.1, 0.9]) for x in left]
     places = [_in_gap(x[name, "encoders"], *e) for x, e in zip(left, ends, strict=True)]
@@ -143,8 +127,8 @@ def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Co
         return None  # a spring, which no gap bounds, or a step: a play changes sides at every reversal
     price = 3.0 * sum(int(np.sum(x[1:] != x[:-1])) for x in places)
     pairs = zip(logs, places, ends, strict=True)
-    acts = [{"encoders": PLAY * (s.low(x) - e.sum() / max(np.ptp(e), 1e-300))} for s, x, e in pairs]
-    return Course(acts, price)
+    columns = [PLAY * (s.low(x) - e.sum() / max(np.ptp(e), 1e-300)) for s, x, e in pairs]
+    return Sought(columns, price, "encoders")
 
 
 def _in_gap(r: Floats, low: float, high: float) -> Floats:

@@ -115,20 +115,20 @@ class Case:
         out = {}
         for key, off in self.open.items():
             axis, _, equation = key.rpartition(" ")
-            if equation in r.closed and r.axis in (axis, ALL):
+            if equation in r.closed and r.acts_on([axis]):
                 out[key] = max(off - r.closed[equation] * max(off - 1.0, 0.1), 1.0)
         return out
 
     def _others(self, r: Row) -> float:
         """Return what the best other names of the equations in which a cause acts gain together [nats]."""
-        out = 0.0
+        out, own = 0.0, {r.axis, *r.axes}
         for e in r.by.keys() - {"day"}:
             best = dict[str, float]()
             for x in self.causes:
-                if e in x.by and (x.axis, x.group) != (r.axis, r.group):
-                    best[x.axis] = max(best.get(x.axis, 0.0), min(x.by[e], x.score))
-            wide = best.pop(ALL, 0.0)
-            out += max(wide, sum(best.values()) if r.axis == ALL else best.get(r.axis, 0.0))
+                if e in x.by and (x.axis, x.group) != (r.axis, r.group) and (r.axis == ALL or x.acts_on(own)):
+                    key = ALL if len(x.axes) > 1 else x.axis
+                    best[key] = max(best.get(key, 0.0), min(x.by[e], x.score))
+            out += max(best.pop(ALL, 0.0), sum(best.values()))
         return out
 
     def _speaks(self, r: Row, top: float, null: Numbers) -> list[float]:

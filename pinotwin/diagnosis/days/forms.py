@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import APART, BESIDE, SAME, SUMS, Joined, Worn
 from pinotwin.diagnosis.days.mechanisms import GROUP
-from pinotwin.diagnosis.days.places import Local, Whitened
+from pinotwin.diagnosis.days.places import Sought, Whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
@@ -25,7 +25,7 @@ from pinotwin.twin import Twin
 Gain = Callable[[Effect], float]
 
 
-def forms(r: Reference, w: Whitened, name: str) -> dict[str, Local]:
+def forms(r: Reference, w: Whitened, name: str) -> dict[str, Sought]:
     """Return efforts of an axis that its twin may lack, each at the shapes that explain most of what is left.
 
     The search costs the logarithm of the number of shapes that were tried: what explains more is searched between them.
@@ -100,19 +100,24 @@ def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
 
 def _values(effect: Effect, m: Motion) -> Floats:
     """Return the columns of a form on its own axis, shape (n, p)."""
+    return _columns(effect, m)[str(effect.axis)]
+
+
+def _columns(effect: Effect, m: Motion) -> dict[str, Floats]:
+    """Return the columns of a form on every axis on which it acts, shape (n, p) each."""
     found = effect.columns(m)
-    return np.asarray(found.values[:, found.joints.index(m.names.index(str(effect.axis)))])
+    return {m.names[j]: np.asarray(found.values[:, k]) for k, j in enumerate(found.joints)}
 
 
-def _local(w: Whitened, effect: Effect, price: float) -> Local:
+def _local(w: Whitened, effect: Effect, price: float) -> Sought:
     """Return the columns of a form in every stretch, of the size of the effort."""
     columns = [s.taken(_values(effect, s.motion)) for s in w.logs]
     scale = w.effort / np.maximum(np.std(np.concatenate(columns), axis=0), 1e-300)
 
-    def again(s: Stretch) -> Floats:
-        return np.asarray(s.taken(_values(effect, s.motion)) * scale)
+    def again(s: Stretch) -> dict[str, Floats]:
+        return {k: np.asarray(s.taken(x) * scale) for k, x in _columns(effect, s.motion).items()}
 
-    return Local([x * scale for x in columns], price, form=effect, scale=scale, again=again)
+    return Sought([x * scale for x in columns], price, form=effect, scale=scale, again=again)
 
 
 def parts(form: Effect) -> tuple[Effect, ...]:
@@ -136,7 +141,7 @@ def known(twin: Twin, form: Effect) -> Floats:
     return np.concatenate(out)
 
 
-def possible(r: Reference, found: Local, numbers: Floats, errors: Floats) -> bool:
+def possible(r: Reference, found: Sought, numbers: Floats, errors: Floats) -> bool:
     """Whether a machine can have the coefficients of a form after the change, within two standard errors."""
     assert found.form is not None
     low, high = np.transpose([(c.lower, c.upper) for part in parts(found.form) for c in part.coefficients()])

@@ -63,8 +63,7 @@ def evidence(
     rows = asked.rows()
     if not found:
         rows += [*recording_rows(asked), *limit_rows(asked)]
-    sought = {**asked.tried.local, **asked.tried.courses}
-    search = bool(found) or any((r.axis, r.name) in sought for r in rows if r.score > 0.0)
+    search = bool(found) or any((r.axis, r.name) in asked.tried.sought for r in rows if r.score > 0.0)
     told, healthy = {(family(f.name), f.axis) for f in found}, usual(q.reference, search=search)
     # Each step between two encoders is one: it may come again, if nothing else was found.
     again = {f.axis for f in found if {x.name for x in found if x.axis == f.axis} == {"encoder_step"}}
@@ -196,7 +195,7 @@ def _class(case: Case, p: Floats, k: int) -> tuple[Mask, Mask, list[Row]]:
 
 
 def _meet(a: Row, b: Row) -> bool:
-    return (a.axis == b.axis or ALL in (a.axis, b.axis)) and not (a.by.keys() & b.by.keys()) <= {"day"}
+    return (b.axis == ALL or a.acts_on({b.axis, *b.axes})) and not (a.by.keys() & b.by.keys()) <= {"day"}
 
 
 def family(name: str) -> str:

@@ -239,12 +239,18 @@ def hats(x: Floats, count: int) -> Floats:
 
 
 def descriptions(
-    r: Reference, s: Stretch, name: str, ends: dict[str, Ends], run: tuple[int, int], *, program: bool
-) -> dict[str, Floats]:
+    r: Reference,
+    s: Stretch,
+    name: str,
+    ends: dict[str, Ends],
+    run: tuple[int, int] | None = None,
+    *,
+    program: bool = False,
+) -> dict[str, Acts]:
     """Return smooth functions of every channel, (n, k) each, as an effort or dry friction of a fifth of the effort.
 
     ``ends``: axis -> ends of its travel in all logs; ``run``: which of how many stretches this is, for a function of
-    time is another one in each; ``program``: whether all runs follow one command.
+    time is another one in each, and none of it holds elsewhere; ``program``: whether all runs follow one command.
     """
     c, w = s.axes[name], 0.2 * r.widths[name]["effort"]
     out: dict[str, Floats] = {}
@@ -264,12 +270,13 @@ def descriptions(
     a, rest = 3.0 * float(np.std(c["a"])), 2.5 * float(np.std(c["rest"]))
     both("acceleration", c["a"], -a, a, 7, ("",))
     both("load", c["rest"], -rest, rest, 6, ("dry ",))
-    B, (at, many) = hats(s.t / s.t[-1], 9) * w, run
-    for kind in ("", "dry "):
-        out[f"{kind}time"] = np.kron(np.eye(many)[at], B * c["sg"][:, None] if kind else B)
+    if run is not None:
+        B, (at, many) = hats(s.t / s.t[-1], 9) * w, run
+        for kind in ("", "dry "):
+            out[f"{kind}time"] = np.kron(np.eye(many)[at], B * c["sg"][:, None] if kind else B)
     if program:
         out["program"] = hats(s.t / s.t[-1], 40) * w
-    return out
+    return {f"describe:{what}": {"plant": x} for what, x in out.items()}
 
 
 def one_program(r: Reference, logs: Sequence[Stretch]) -> bool:

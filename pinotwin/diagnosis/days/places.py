@@ -25,25 +25,27 @@ Span = tuple[int, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Local:
-    """Columns of what was found, in every stretch.
+class Sought:
+    """A cause that is sought, where it explains most: its course, place, instants or shape.
 
     Attributes:
-        columns: of every stretch, shape (n, p) each, of the size of the effort.
-        price: of the search [nats].
+        columns: of every stretch, shape (n,) or (n, p) each. price: of the search [nats]. equation: on which it acts.
         place: centre and width [m or rad], where it is one. spans: when it acts, where it is bound to time.
+        since: instant at which it begins in every stretch; or how long it acts after a start, and the stand [s].
         form, scale: the effect whose columns these are, and what each was multiplied with, shape (p,).
-        again: the columns in another stretch, (n, p), of what does not hang on these. equation: on which they act.
+        again: axis -> columns in any stretch, of what does not hang on these: its own, and those of axes that feel it
+            through their inertia.
     """
 
-    columns: list[Floats]
-    price: float
+    columns: list[Floats] = field(default_factory=list)
+    price: float = 0.0
+    equation: str = "plant"
     place: tuple[float, float] | None = None
     spans: list[Span] = field(default_factory=list)
+    since: list[float] = field(default_factory=list)
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1))
-    again: Callable[[Stretch], Floats] | None = None
-    equation: str = "plant"
+    again: Callable[[Stretch], dict[str, Floats]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +87,9 @@ class Whitened:
         return convolve1d(x, self.response, axis=0, mode="constant") * self.counts[k][:, None]
 
 
-def local(r: Reference, w: Whitened) -> dict[str, Local]:
+def local(r: Reference, w: Whitened) -> dict[str, Sought]:
     """Return the pushes, cuts, teeth and snags of an axis that are worth a look; columns of shape (n, p)."""
-    logs, name, out = w.logs, w.name, dict[str, Local]()
+    logs, name, out = w.logs, w.name, dict[str, Sought]()
     pushes = pulses(w, [(k,) for k in range(len(logs))], 8)
     if pushes:
         out["push"] = _timed(w, pushes)
@@ -214,12 +216,12 @@ def instants(count: int) -> float:
     return float(SETTINGS.place * count - gammaln(count + 1))
 
 
-def _timed(w: Whitened, pulses: Waves) -> Local:
+def _timed(w: Whitened, pulses: Waves) -> Sought:
     still = [np.zeros(len(s.t)) for s in w.logs]
     columns = [np.column_stack([p.get(k, x) * w.effort for p in pulses]) for k, x in enumerate(still)]
     rows = [(k, np.flatnonzero(x)) for p in pulses for k, x in p.items() if x.any()]
     spans = [(k, float(w.logs[k].t[x[0]]), float(w.logs[k].t[x[-1]])) for k, x in rows]
-    return Local(columns, instants(len(pulses)), spans=spans)
+    return Sought(columns, instants(len(pulses)), spans=spans)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,14 +235,15 @@ class _Bump:
     drags: Floats = field(default_factory=lambda: np.zeros(0))
 
 
-def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
+def _at_places(w: Whitened, low: float, high: float) -> dict[str, Sought]:
     """Return a bump at a place, and a drag at a place on some passes."""
     tooth, snag = _scan(w, low, high)
     out = {}
     if tooth.gain > SETTINGS.place + 4.0:
         at, width = _finer(w, tooth, [np.ones(len(s.t)) for s in w.logs])
         bump = partial(_bump, w, at=at, width=width)
-        out["tooth"] = Local([bump(s) for s in w.logs], SETTINGS.place, (at, width), again=bump)
+        columns = [bump(s)[w.name] for s in w.logs]
+        out["tooth"] = Sought(columns, SETTINGS.place, place=(at, width), again=bump)
     if snag.gain > SETTINGS.place:
         keep = [np.zeros(len(s.t)) for s in w.logs]
         for (k, a, b), drags in zip(snag.passes, snag.drags, strict=True):
@@ -248,17 +251,18 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Local]:
         keep = [x * s.axes[w.name]["sg"] for x, s in zip(keep, w.logs, strict=True)]
         at, width = _finer(w, snag, keep)
         pairs = zip(w.logs, keep, strict=True)
-        columns = [_bump(w, s, at, width) * x[:, None] for s, x in pairs]
+        columns = [_bump(w, s, at, width)[w.name] * x[:, None] for s, x in pairs]
         count = float(snag.drags.sum())
         price = SETTINGS.place + count * np.log(1 / 0.4) + (len(snag.passes) - count) * np.log(1 / 0.6)
         on = [x for x, drags in zip(snag.passes, snag.drags, strict=True) if drags]
         spans = [(k, float(w.logs[k].t[a]), float(w.logs[k].t[b - 1])) for k, a, b in on]
-        out["snag"] = Local(columns, float(price), (at, width), spans)
+        out["snag"] = Sought(columns, float(price), place=(at, width), spans=spans)
     return out
 
 
-def _bump(w: Whitened, s: Stretch, at: float, width: float) -> Floats:
-    return s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))[:, None] * w.effort
+def _bump(w: Whitened, s: Stretch, at: float, width: float) -> dict[str, Floats]:
+    bump = s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))
+    return {w.name: bump[:, None] * w.effort}
 
 
 def _scan(w: Whitened, low: float, high: float) -> tuple[_Bump, _Bump]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,7 +25,8 @@ class Row:
     """What speaks for one cause.
 
     Attributes:
-        name: of the cause. axis: where. group: of :data:`~pinotwin.diagnosis.days.mechanisms.GROUPS`.
+        name: of the cause. axis: where. axes: all on which it acts.
+        group: of :data:`~pinotwin.diagnosis.days.mechanisms.GROUPS`.
         score: gain of the log density less the price [nats]. by: of every equation and of the healthy day.
         price: of numbers and search [nats]. count: numbers.
         theta: the last of them. error: its standard error. z: all of them over their errors.
@@ -33,7 +34,7 @@ class Row:
         logs: gain of every stretch [nats]. positive: gains over all changes of cells. spread: cells that carry it.
         closed: equation -> share of what is open.
         valid: gain on the validation log with the numbers as they are [nats]; None where there is none.
-        what: other axis of a cross friction, or channel of a description.
+        what: other axis of a cross friction, channel of a description, READ, TOLD, or its axis if it acts on several.
         place, spans: of what acts at places or instants. p: probability [1]. alike: of its class, as probable.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
@@ -58,6 +59,7 @@ class Row:
     closed: Mapping[str, float] = field(default_factory=dict)
     valid: float | None = None
     what: str = ""
+    axes: Sequence[str] = ()
     place: tuple[float, float] | None = None
     spans: Sequence[tuple[int, float, float]] = ()
     since: Sequence[float] = ()
@@ -70,6 +72,10 @@ class Row:
     alike: Sequence[str] = ()
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1), repr=False)
+
+    def acts_on(self, axes: Collection[str]) -> bool:
+        """Whether it acts on any of some axes."""
+        return self.axis == ALL or not {self.axis, *self.axes}.isdisjoint(axes)
 
     @property
     def rescales(self) -> bool:

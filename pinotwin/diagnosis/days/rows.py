@@ -11,6 +11,7 @@ from pinotwin.diagnosis.days.evidence import cells
 from pinotwin.diagnosis.days.forms import possible
 from pinotwin.diagnosis.days.healthy import Shapes
 from pinotwin.diagnosis.days.mechanisms import POSSIBLE, READ, Acts, group_of
+from pinotwin.diagnosis.days.places import Sought
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.score import Scored, opened, score
 from pinotwin.diagnosis.days.stretch import combined
@@ -43,10 +44,10 @@ class Asked:
 
     def rows(self, *, every: bool = False) -> list[Row]:
         """Return the rows of all causes, best first; of descriptions and other axes the best of each axis, or all."""
-        wide = self.tried.wide
-        own = [(x, k) for k in self.r.axes for x in self.tried.columns[k][0] if x not in wide]
+        acts, wide = {k: self.tried.columns[k][0] for k in self.r.axes}, self.tried.wide
+        own = [(x, k) for k, each in acts.items() for x in each if x not in wide]
         out = [self._row(cause, name, [name]) for cause, name in own if not cause.startswith("found:")]
-        out += [self._row(cause, axis, list(self.r.axes)) for cause, axis in wide.items()]
+        out += [self._row(x, axis, [k for k in acts if x in acts[k]]) for x, axis in wide.items()]
         found = [x for x in out if x is not None]
         return found if every else _best(found)
 
@@ -67,24 +68,24 @@ class Asked:
         gains = [a - b for a, b in zip(on, off, strict=True)]
         theta, error = with_it.theta[old:], with_it.error[old:]
         worth = self._worth(cause, axes, theta, searched=searched)
-        place, course = self.tried.local.get((axis, short)), self.tried.courses.get((axis, short))
-        if place is not None and place.form is not None and not possible(self.r, place, theta, error):
-            return None
+        at = self.tried.sought.get((axis, short), Sought())
+        fits = at.form is None or possible(self.r, at, theta, error)
         small = abs(theta[-1]) < SETTINGS.told.get(group, 0.0)
         small |= worth < least_share(group, min(self.q.worth, SETTINGS.share))  # larger: see judge
-        if small or not _can_be(short, theta, error):
+        if small or not fits or not _can_be(short, theta, error):
             return None
         by = {"day": with_it.cost - alone.cost}
         for (_, e), g in zip(keys, gains, strict=True):
             by[e] = by.get(e, 0.0) + float(g.sum())
         numbers = 0 if searched else 1 if short == "describe" else p
-        price = self.tried.price(axis, short) + SETTINGS.number * (numbers + (what == READ))
+        price = at.price + SETTINGS.number * (numbers + (what == READ))
         price += np.log(max(len(self.r.axes) - 1, 1)) if short == "cross_friction" else 0.0
         every = np.concatenate(gains)
         return Row(
             name=short,
             axis=axis,
             group=group,
+            axes=axes,
             score=float(sum(by.values()) - price),
             by=by,
             price=float(price),
@@ -99,11 +100,11 @@ class Asked:
             closed=self._closed(keys, before, after),
             valid=self._validated(cause, axes, theta),
             what=what,
-            form=None if place is None else place.form,
-            scale=np.ones(p) if place is None else place.scale,
-            place=None if place is None else place.place,
-            spans=() if place is None else place.spans,
-            since=() if course is None else course.since,
+            form=at.form,
+            scale=at.scale,
+            place=at.place,
+            spans=at.spans,
+            since=at.since,
             acts={a: [acts[cause] for acts in self.tried.columns[a]] for a in axes},
             unseen=self._unseen(cause, axes),
             numbers=theta,

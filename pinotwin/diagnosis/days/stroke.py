@@ -17,7 +17,7 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
 from pinotwin.diagnosis.days.healthy import healthy_day
 from pinotwin.diagnosis.days.mechanisms import ENCODER, hats
-from pinotwin.diagnosis.days.places import Local
+from pinotwin.diagnosis.days.places import Sought
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch, corner
 from pinotwin.diagnosis.settings import SETTINGS
@@ -29,7 +29,7 @@ KNOTS, MOST_WAVES, ORDERS = 12, 160, np.array([1.0, 2.0])
 
 def encoder_errors(
     r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str
-) -> dict[str, Local]:
+) -> dict[str, Sought]:
     """Return an error along the stroke of an axis, and one that repeats, of what its encoders leave of stretches."""
     q, v = (np.concatenate([s.axes[name][k] for s in logs]) for k in "qv")
     low, size = float(q.min()), float(np.ptp(q))
@@ -68,7 +68,7 @@ def _column(
     name: str,
     shape: Callable[[Floats], Floats],
     price: float,
-) -> Local:
+) -> Sought:
     """Return the one column of functions of the place that leaves least of ``y`` beside a day, largest where it is."""
 
     def each(s: Stretch) -> Floats:
@@ -78,11 +78,11 @@ def _column(
     numbers = np.linalg.lstsq(np.column_stack([X, day]), y, rcond=1e-6)[0][: X.shape[1]]
     numbers *= ENCODER / max(float(np.abs(X @ numbers).max()), 1e-300)
 
-    def again(s: Stretch) -> Floats:
-        return np.asarray(each(s) @ numbers)[:, None]
+    def again(s: Stretch) -> dict[str, Floats]:
+        return {name: np.asarray(each(s) @ numbers)[:, None]}
 
-    acts = [again(s) for s in logs]
+    acts = [again(s)[name] for s in logs]
     most = np.abs(np.concatenate(acts)[:, 0])
     at = np.concatenate([s.axes[name]["q"] for s in logs])[most >= 0.5 * most.max()]
     place = (0.5 * float(at.max() + at.min()), 0.25 * float(np.ptp(at)))
-    return Local(acts, price, place, again=again, equation="encoders")
+    return Sought(acts, price, "encoders", place=place, again=again)

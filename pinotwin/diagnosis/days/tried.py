@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.courses import Course, courses, since
+from pinotwin.diagnosis.candidates.catalogue import same_cause
+from pinotwin.diagnosis.days.courses import courses, since
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import forms
 from pinotwin.diagnosis.days.healthy import Shapes
@@ -17,7 +18,6 @@ from pinotwin.diagnosis.days.mechanisms import (
     READ,
     TOLD,
     Acts,
-    after_starts,
     bodies,
     descriptions,
     group_of,
@@ -26,14 +26,16 @@ from pinotwin.diagnosis.days.mechanisms import (
     one_program,
     zeros,
 )
-from pinotwin.diagnosis.days.places import Local, local, whitened
+from pinotwin.diagnosis.days.places import Sought, local, whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
 from pinotwin.diagnosis.days.stroke import encoder_errors
+from pinotwin.effects import Effect
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
+Felt = dict[str, Floats]  # axis -> columns of a cause in its effort
 MISREAD = ("friction", "onset", "offset", "time", "form")
 """Groups of causes that a reading of the effort may show and the machine not have."""
 
@@ -43,105 +45,106 @@ class Tried:
 
     Attributes:
         columns, unseen: axis -> columns in the logs in question and in those of validation.
-        local: axis, cause -> what acts at places or instants. courses: axis, cause -> what has a course.
+        sought: axis, cause -> what has a course, a place or a form.
         wide: cause -> its axis, of those that act on several.
     """
 
     def __init__(self, q: Question, found: Sequence[Row], shapes: Shapes, *, search: bool = True) -> None:
-        self.q, self.r, self.found, self.shapes, self.search = q, q.reference, tuple(found), shapes, search
-        self.local: dict[tuple[str, str], Local] = {}
-        self.courses: dict[tuple[str, str], Course] = {}
-        self.wide: dict[str, str] = {}
-        self.columns = self._asked()
+        self.q, self.r, self.found = q, q.reference, tuple(found)
+        left = [less(x, [f.acts for f in found], found, k) for k, x in enumerate(q.left)]
+        self.sought = dict[tuple[str, str], Sought]()
+        for name in self.r.axes if search else ():
+            w = whitened(self.r, q.logs, left, name, shapes)
+            every = {
+                **courses(self.r, q.logs, left, name, found),
+                **local(self.r, w),
+                **forms(self.r, w, name),
+            }
+            if (name, "encoders") in left[0]:
+                every |= encoder_errors(self.r, q.logs, left, name)
+            self.sought |= {(name, cause): x for cause, x in every.items()}
+        self.columns, self.wide = self._asked(left, search=search)
         self.unseen = self._validation() if q.valid else {}
 
-    def price(self, axis: str, cause: str) -> float:
-        """Return what the search for a cause costs [nats]."""
-        found = self.local.get((axis, cause)) or self.courses.get((axis, cause))
-        return 0.0 if found is None else found.price
-
-    def _asked(self) -> dict[str, Columns]:
-        q, r, out = self.q, self.r, {}
-        left = [less(x, [f.acts for f in self.found], self.found, k) for k, x in enumerate(q.left)]
-        ends, program = q.ends(), one_program(r, q.logs)
-        wide = self._wide(left)
-        for name in r.axes:
-            pairs = enumerate(zip(q.logs, q.left, strict=True))
-            each = [mechanisms(r, s, name, x, float(k)) for k, (s, x) in pairs]
-            for cause, acts in wide.items():
-                _put(each, cause, [{"plant": x[name]} for x in acts])
-            if self.search:
-                self._search(left, name, each)
-            if (name, "law") in q.left[0]:
-                each = [x | _misread(x, r.laws[name], s.step) for x, s in zip(each, q.logs, strict=True)]
-            each = [x | _told(x, name, r.laws) for x in each]
-            for k, s in enumerate(q.logs if not self.found else ()):
-                told = descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
-                each[k] |= {f"describe:{w}": {"plant": x} for w, x in told.items()}
-            for n, f in enumerate(self.found):
-                _put(each, f"found:{n}", f.refitted.acts.get(name, ()))
-            out[name] = _shared(each)
-        return out
-
-    def _search(self, left: Sequence[Left], name: str, each: Columns) -> None:
-        """Add what has a course, a place or a shape to the causes of an axis, at its best."""
-        r, logs = self.r, self.q.logs
-        for cause, found in courses(r, logs, left, name, self.found).items():
-            self.courses[name, cause] = found
-            _put(each, cause, found.acts)
-        w = whitened(r, logs, left, name, self.shapes)
-        places = {**local(r, w), **forms(r, w, name)}
-        if (name, "encoders") in left[0]:
-            places |= encoder_errors(r, logs, left, name)
-        for cause, place in places.items():
-            self.local[name, cause] = place
-            _put(each, cause, [{place.equation: x} for x in place.columns])
-
-    def _wide(self, left: Sequence[Left]) -> dict[str, list[dict[str, Floats]]]:
-        """Return what acts on several axes, in every stretch, and zeros that moved within a log."""
-        logs, out = self.q.logs, _several(self.r, list(zip(self.q.logs, left, strict=True)))
-        for name in [k.partition(":")[2] for k in out if k.startswith("zero:") and self.search]:
-            turns = out[f"zero:{name}"]
-            found = since(logs, [x[name] for x in turns], left, (name, "plant"), self.found)
-            if found is not None:
-                self.courses[name, "zero_since"] = found
-                each = zip(logs, turns, found.since, strict=True)
-                out[f"zero_since:{name}"] = [{k: y * (s.t > t) for k, y in x.items()} for s, x, t in each]
-        self.wide |= {k: k.partition(":")[2] or ALL for k in out}
-        self.wide |= {f"payload:{TOLD}": ALL} if "payload" in out and self.r.laws else {}
-        return out
+    def _asked(self, left: Sequence[Left], *, search: bool) -> tuple[dict[str, Columns], dict[str, str]]:
+        """Return the causes in the logs in question, and the axis of those that act on several."""
+        q, r = self.q, self.r
+        at = {key: [{x.equation: y} for y in x.columns] for key, x in self.sought.items()}
+        wide = _several(r, q.logs, left) | self._felt(q.logs)
+        if search:
+            wide |= self._turned(wide, left)
+        out, ends, program = self._gathered(q.logs, q.left, at, wide), q.ends(), one_program(r, q.logs)
+        for name, each in out.items():
+            for k, s in enumerate(q.logs):
+                if not self.found:
+                    each[k] |= descriptions(r, s, name, ends, (k, len(q.logs)), program=program)
+                acts = {f"found:{n}": f.refitted.acts for n, f in enumerate(self.found)}
+                each[k] |= {cause: x[name][k] for cause, x in acts.items() if name in x}
+        told = {f"payload:{TOLD}": ALL} if "payload" in wide and r.laws else {}
+        return out, {k: k.partition(":")[2] or ALL for k in wide} | told
 
     def _validation(self) -> dict[str, Columns]:
         """Return the causes in the validation logs whose columns do not hang on the logs in question."""
-        q, r, out, ends = self.q, self.r, {}, self.q.ends()
-        wide = _several(r, list(zip(q.valid, q.valid_left, strict=True)))
-        for name in r.axes:
-            each = []
-            for k, (s, left) in enumerate(zip(q.valid, q.valid_left, strict=True)):
-                acts = mechanisms(r, s, name, left, float(len(q.logs)))
-                told = {} if self.found else descriptions(r, s, name, ends, (0, len(q.logs)), program=False)
-                acts |= {f"describe:{w}": {"plant": x} for w, x in told.items() if not w.endswith("time")}
-                acts |= {cause: {"plant": x[k][name]} for cause, x in wide.items()}
-                acts |= self._known(s, name)
-                acts |= _misread(acts, r.laws[name], s.step) if (name, "law") in left else {}
-                acts |= _told(acts, name, r.laws)
-                each.append({k: x for k, x in acts.items() if k not in GROWS})
-            out[name] = _shared(each)
+        q, r, out, ends = self.q, self.r, dict[str, Columns](), self.q.ends()
+        at = {(k, "friction_since"): [{"plant": s.axes[k]["dry"]} for s in q.valid] for k in r.axes}
+        for (name, cause), x in self.sought.items():
+            if x.again is not None:
+                at[name, cause] = [{x.equation: x.again(s)[name]} for s in q.valid]
+        wide = _several(r, q.valid, q.valid_left) | self._felt(q.valid)
+        for name, each in self._gathered(q.valid, q.valid_left, at, wide).items():
+            out[name] = [{k: x for k, x in acts.items() if k.partition(":")[0] not in GROWS} for acts in each]
+            for acts, s in zip(out[name], q.valid, strict=True):
+                acts |= {} if self.found else descriptions(r, s, name, ends)
         return out
 
-    def _known(self, s: Stretch, name: str) -> dict[str, Acts]:
-        """Return what has a course or a place that holds in a validation log, too."""
-        size, out = self.r.widths[name]["effort"], {"friction_since": {"plant": s.axes[name]["dry"]}}
-        after = self.courses.get((name, "friction_at_start"))
-        if after is not None:
-            out["friction_at_start"] = {"plant": after_starts(s, name, *after.since) * size}
-        places = [(k, x) for (axis, k), x in self.local.items() if axis == name]
-        return out | {k: {x.equation: x.again(s)} for k, x in places if x.again is not None}
+    def _gathered(
+        self,
+        logs: Sequence[Stretch],
+        left: Sequence[Left],
+        sought: Mapping[tuple[str, str], Sequence[Acts]],
+        wide: Mapping[str, Sequence[Felt]],
+    ) -> dict[str, Columns]:
+        """Return axis -> columns of all causes: what was ``sought`` on it, and what acts on several axes."""
+        r, out = self.r, dict[str, Columns]()
+        for name in r.axes:
+            own, each = {cause: x for (axis, cause), x in sought.items() if axis == name}, []
+            for k, (s, x) in enumerate(zip(logs, left, strict=True)):
+                acts = mechanisms(r, s, name, x, float(k)) | {cause: y[k] for cause, y in own.items()}
+                acts |= {cause: {"plant": y[k][name]} for cause, y in wide.items() if name in y[k]}
+                acts |= _misread(acts, r.laws[name], s.step) if (name, "law") in x else {}
+                acts |= _told(acts, name, r.laws)
+                each.append({c: y for c, y in acts.items() if c not in own or f"{c}:{name}" not in wide})
+            out[name] = [{c: x[c] for c in x if all(c in y for y in each)} for x in each]
+        return out
+
+    def _felt(self, logs: Sequence[Stretch]) -> dict[str, list[Felt]]:
+        """Return the forms that other axes feel through their inertia, in every stretch; a coupling of two once."""
+        out, shown = dict[str, list[Felt]](), list[Effect]()
+        for (axis, cause), x in self.sought.items():
+            if x.form is None or x.again is None or any(same_cause(x.form, other) for other in shown):
+                continue
+            every = [x.again(s) for s in logs]
+            if len(every[0]) > 1:
+                out[f"{cause}:{axis}"] = every
+                shown.append(x.form)
+        return out
+
+    def _turned(self, wide: Mapping[str, Sequence[Felt]], left: Sequence[Left]) -> dict[str, list[Felt]]:
+        """Return zeros that moved within a log, in every stretch."""
+        logs, out = self.q.logs, dict[str, list[Felt]]()
+        for name in self.r.axes:
+            turns = wide.get(f"zero:{name}")
+            found = turns and since(logs, [x[name] for x in turns], left, (name, "plant"), self.found)
+            if turns and found:
+                self.sought[name, "zero_since"] = found
+                each = zip(logs, turns, found.since, strict=True)
+                out[f"zero_since:{name}"] = [{k: y * (s.t > t) for k, y in x.items()} for s, x, t in each]
+        return out
 
 
-def _several(r: Reference, logs: Sequence[tuple[Stretch, Left]]) -> dict[str, list[dict[str, Floats]]]:
+def _several(r: Reference, logs: Sequence[Stretch], left: Sequence[Left]) -> dict[str, list[Felt]]:
     """Return what acts on several axes, in every stretch: a body on a link, a motor, the zero of a joint."""
-    each = [bodies(r, s) | motors(r, s) | zeros(r, s, left) for s, left in logs]
+    each = [bodies(r, s) | motors(r, s) | zeros(r, s, x) for s, x in zip(logs, left, strict=True)]
     return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
@@ -163,17 +166,6 @@ def _told(acts: dict[str, Acts], name: str, laws: Mapping[str, Law]) -> dict[str
         follows = laws[name].follows.items()
         out["law"][:, body.shape[1] + list(laws).index(name)] = sum(x * acts[k]["law"] for k, x in follows)
     return {f"payload:{TOLD}": out}
-
-
-def _put(each: Columns, cause: str, acts: Sequence[Acts]) -> None:
-    for x, a in zip(each, acts, strict=False):
-        x[cause] = a
-
-
-def _shared(each: Sequence[dict[str, Acts]]) -> list[dict[str, Acts]]:
-    """Return causes that all stretches have."""
-    names = [n for n in each[0] if all(n in x for x in each)]
-    return [{n: x[n] for n in names} for x in each]
 
 
 def less(left: Left, acts: Sequence[Mapping[str, Sequence[Acts]]], found: Sequence[Row], k: int) -> Left:
