@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, LogError, nearest
+from pinotwin.errors import InputError, LogError, nearest, require
 from pinotwin.notebook import Card, Shown
 from pinotwin.units import SI_FACTOR
 
@@ -39,12 +39,6 @@ def split_unit(header: str) -> tuple[str, str | None]:
     if match and unit and unit in SI_FACTOR and not unit.isdigit() and unit != "-":
         return match["name"], unit
     return header.strip(), None
-
-
-def _is_frozen(values: Floats) -> bool:
-    """Whether an array is nobody's to change, as those of another log: it need not be copied."""
-    own = isinstance(values, np.ndarray) and values.dtype == float and values.flags.owndata
-    return own and not values.flags.writeable
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,7 +70,9 @@ class Log(Card):
             )
         frozen = {}
         for name, values in self.channels.items():
-            x = values if _is_frozen(values) else _numbers(values, f"{self.source}: channel {name!r}")
+            own = isinstance(values, np.ndarray) and values.dtype == float and values.flags.owndata
+            frozen_already = own and not values.flags.writeable  # as those of another log: no copy is needed
+            x = values if frozen_already else _numbers(values, f"{self.source}: channel {name!r}")
             if x.ndim != 1:
                 raise LogError(
                     f"{self.source}: channel {name!r} has shape {x.shape}, expected (n,); several axes at once: "
@@ -97,10 +93,8 @@ class Log(Card):
         return Log, (dict(self.channels), self.source, *plain)
 
     def __getitem__(self, name: str) -> Floats:
-        try:
-            return self.channels[name]
-        except KeyError:
-            raise LogError(f"{self.source}: no channel {name!r}; {nearest(name, self.channels)}") from None
+        require(name, self.channels, f"{self.source}: no channel", LogError)
+        return self.channels[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels

@@ -48,8 +48,8 @@ def nominal_twin(machine: Machine) -> Twin:
     return Twin(
         machine=machine,
         effects=machine.effects,
-        theta=prior.mean,
-        covariance=np.zeros((len(prior.mean), len(prior.mean))),
+        theta=prior,
+        covariance=np.zeros((len(prior), len(prior))),
         parameters=(),
         pi=parameters(machine.model),
     )

@@ -28,7 +28,7 @@ from pinotwin.diagnosis.days.places import instants
 from pinotwin.diagnosis.days.reference import Reference, reference
 from pinotwin.diagnosis.days.row import Question, Row
 from pinotwin.diagnosis.days.rows import Asked
-from pinotwin.diagnosis.days.score import Cells, score
+from pinotwin.diagnosis.days.score import Cells, padded, score
 from pinotwin.diagnosis.days.stretch import Stretch, _clear
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.effects import EFFECTS, Effect
@@ -589,7 +589,7 @@ def test_a_misfit_grows_with_travel_and_speed_beyond_the_twins_own(twin: pt.Twin
     assert r.beyond("X", r.logs) == 1.0
     assert r.beyond("X", [wide]) == pytest.approx(3.0)
     assert r.beyond("X", [s, going(0.0, 0.0, 5.0 * speed.max())]) == pytest.approx(5.0)
-    own, beyond = (cells(r, [x], [left], "X")["plant"].gram[:, -1, -1].sum() for x in (s, wide))
+    own, beyond = ((cells(r, [x], [left], "X")["plant"].x[-1] ** 2).sum() for x in (s, wide))
     assert own / beyond == pytest.approx(9.0)
 
 
@@ -647,9 +647,9 @@ def test_a_score_knows_the_number_and_its_error() -> None:
         x = rng.standard_normal(size)
         y = 0.3 * x + rng.standard_normal(size)
         block = np.column_stack([np.zeros(size), np.ones(size) * 0.05, x, y])
-        cells.append(block.T @ block)
+        cells.append(block)
     k = np.arange(80)
-    c = Cells(np.array(cells), np.full(80, float(size)), 0 * k, k % 6, 0.0 * k, 1, {"x": np.array([2])})
+    c = Cells(padded(cells), np.full(80, float(size)), 0 * k, k % 6, 0.0 * k, 1, {"x": np.array([2])})
     with_it, alone = score([(c, np.array([2]))], 1), score([(c, np.zeros(0, dtype=int))], 0)
     assert with_it.theta[0] == pytest.approx(0.3, abs=0.05)
     assert with_it.error[0] == pytest.approx(1.0 / np.sqrt(80 * size), rel=0.1)
@@ -664,9 +664,9 @@ def test_a_score_finds_the_number_of_loud_cells_beside_quiet_ones_that_it_leaves
         x = rng.standard_normal(size) * (1.0 if k % 4 else 0.05)
         y = (300.0 * x if k % 4 else 0.0) + rng.standard_normal(size)
         block = np.column_stack([np.zeros(size), np.ones(size) * 0.05, x, y])
-        cells.append(block.T @ block)
+        cells.append(block)
     k = np.arange(80)
-    c = Cells(np.array(cells), np.full(80, float(size)), 0 * k, k % 6, 0.0 * k, 1, {"x": np.array([2])})
+    c = Cells(padded(cells), np.full(80, float(size)), 0 * k, k % 6, 0.0 * k, 1, {"x": np.array([2])})
     assert score([(c, np.array([2]))], 1).theta[0] == pytest.approx(300.0, rel=0.01)
 
 
@@ -680,9 +680,9 @@ def test_a_large_cause_whose_form_is_a_tenth_off_outdoes_one_that_fits_half_of_t
         block = np.column_stack(
             [np.zeros(size), np.ones(size) * 0.05, x, half, y + rng.standard_normal(size)]
         )
-        cells.append(block.T @ block)
+        cells.append(block)
     k = np.arange(count)
-    c = Cells(np.array(cells), np.full(count, float(size)), 0 * k, k % 6, 0.0 * k, 1, {})
+    c = Cells(padded(cells), np.full(count, float(size)), 0 * k, k % 6, 0.0 * k, 1, {})
     near, exact = (score([(c, np.array([at]))], 1) for at in (2, 3))
     assert near.held[0].sum() > exact.held[0].sum()
     rest = float(near.left[0].sum())  # told as it is

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from pinotwin.errors import DataError
 from pinotwin.solve.bounds import active_set
 from pinotwin.solve.crossval import held_out
-from pinotwin.solve.linear import Options, Prior, linear
+from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.rank import r_factor
 from tests.stacked import AxisRows, interval, stack
@@ -65,18 +65,18 @@ def test_what_the_data_leave_open_stays_at_the_prior_and_is_named():
     y = W @ np.array([1.0, 2.0, 0.0, 3.0, 0.0, -1.0])
     problem = stack([AxisRows(W, y, np.arange(n))], list("abcdef"))
     mean = np.array([9.0, 1.5, 7.0, 2.0, 0.7, 9.0])
-    std = np.array([1.0, 0.3, 1.0, 2.0, 0.5, 1.0])
-    fit = linear(problem, Options(prior=Prior(mean, std)))
+    fit = linear(problem, Options(prior=mean))
     assert fit.rank == 4
     assert fit.unexcited == (2,)
     assert fit.group_names() == (("b", "d", "e"),)
     assert fit.determined.tolist() == [True, False, False, False, False, True]
     assert_allclose(fit.theta[[0, 5]], [1, -1], rtol=1e-8)
     assert fit.theta[2] == 7.0
-    # Oracle: constrained optimum of the distance to the prior, on the line of equal fits.
+    # Oracle: constrained optimum of the distance to the prior, in column lengths, on the line of equal fits.
     line = np.array([0, 2.0, 0, -1.0, -1.0, 0])
     base = np.array([1.0, 2.0, 7.0, 3.0, 0.0, -1.0])
-    step = np.sum(line * (mean - base) / std**2) / np.sum(line**2 / std**2)
+    size = np.linalg.norm(W, axis=0)
+    step = np.sum(line * (mean - base) * size**2) / np.sum(line**2 * size**2)
     assert_allclose(fit.theta, base + step * line, rtol=1e-7)
     assert np.isinf(fit.standard_errors[[1, 2, 3, 4]]).all()
     assert np.isfinite(fit.standard_errors[[0, 5]]).all()
@@ -84,7 +84,7 @@ def test_what_the_data_leave_open_stays_at_the_prior_and_is_named():
 
 def test_nothing_excited_at_all():
     problem = stack([AxisRows(np.zeros((9, 2)), np.ones(9), np.arange(9))], "ab")
-    fit = linear(problem, Options(prior=Prior(np.array([1.0, 2.0]))))
+    fit = linear(problem, Options(prior=np.array([1.0, 2.0])))
     assert fit.rank == 0
     assert fit.unexcited == (0, 1)
     assert_allclose(fit.theta, [1, 2])
@@ -105,7 +105,7 @@ def test_ridge_equals_extra_rows():
     rng = np.random.default_rng(6)
     problem, truth = problem_of(rng, n=20, levels=(1.0,))
     mean, std = truth + 0.1, np.full(5, 0.2)
-    fit = linear(problem, Options(prior=Prior(mean), ridge=std, sigma=np.ones(1)))
+    fit = linear(problem, Options(prior=mean, ridge=std, sigma=np.ones(1)))
     A = np.concatenate([problem.W.toarray(), np.diag(1 / std)])
     reference = np.linalg.lstsq(A, np.concatenate([problem.y, mean / std]))[0]
     assert_allclose(fit.theta, reference, rtol=1e-9)

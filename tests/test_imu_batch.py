@@ -16,7 +16,8 @@ from pinotwin.imu import batch
 from pinotwin.imu.clock import SyncSettings, sync
 from pinotwin.imu.filters import high_passed
 from pinotwin.imu.mode import decay, respond
-from pinotwin.imu.result import BatchResult, predict_readings
+from pinotwin.imu.predict import RunModel
+from pinotwin.imu.result import BatchResult
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.imu.whiten import Whitener
 from pinotwin.reconstruction.combine import combine
@@ -130,9 +131,10 @@ def test_an_unused_imu_is_predicted_to_its_noise() -> None:
     clock = sync(servo.t, servo.w, imu.t, imu.gyr, SyncSettings(delay=other.gyro.delay))
     tilt = replace(PRIORS, gravity=other.gravity)
     own = batch.estimate([view], [imu], PRIORS)  # its own errors only, to take them out
-    gyr, acc = predict_readings(
-        view, imu, result.runs[0], own.R_ST, own.shared("position")[0], own.runs[0].clock, tilt
-    )
+    model = RunModel(view, imu, tilt, own.runs[0].clock.to_ref(imu.t))
+    run, place = result.runs[0], own.shared("position")[0]
+    delta = np.stack([run.angle, run.velocity, run.acceleration], axis=1)
+    gyr, acc = model.readings(run.t, delta, own.R_ST, place)
     del clock
     at = own.runs[0].clock.to_ref(imu.t)
     inside = (at > servo.t[0] + 0.02) & (at < servo.t[-1] - 0.02)
@@ -142,10 +144,7 @@ def test_an_unused_imu_is_predicted_to_its_noise() -> None:
         X = np.hstack([yhat, np.ones((len(yhat), 1))])  # scale, cross-axis and bias of the other
         e = y[inside] - X @ np.linalg.lstsq(X, y[inside], rcond=None)[0]
         assert np.all(np.std(e, axis=0) < factor * noise)
-    none = 0 * servo.t
-    rigid = replace(result.runs[0], angle=none, velocity=none, acceleration=none)
-    place = own.shared("position")[0]
-    blind, _ = predict_readings(view, imu, rigid, own.R_ST, place, own.runs[0].clock, tilt)
+    blind, _ = model.readings(run.t, 0.0 * delta, own.R_ST, place)
     X = np.hstack([blind, np.ones((len(blind), 1))])
     e = imu.gyr[inside] - X @ np.linalg.lstsq(X, imu.gyr[inside], rcond=None)[0]
     assert rms(e) > 2 * rms(other.gyro.noise)

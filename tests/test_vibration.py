@@ -12,9 +12,11 @@ import pytest
 
 from benchmarks._imu_methods import methods
 from pinotwin.cli.main import main
+from pinotwin.columns import bind
 from pinotwin.errors import DataError, InputError, LogError, MachineError
 from pinotwin.imu.filters import high_passed
 from pinotwin.log import Log
+from pinotwin.logs.channels import usable
 from pinotwin.logs.files import read
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, with_vibration
@@ -22,7 +24,7 @@ from pinotwin.reconstruction.combine import at_stamps
 from pinotwin.reconstruction.document import document
 from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.sensor_log import imu_run
-from pinotwin.reconstruction.servo import bound, pieces
+from pinotwin.reconstruction.servo import pieces
 from pinotwin.trajectories.moves import random_trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import channels, link_motion, record_imu, sensor
@@ -215,8 +217,9 @@ def test_wrong_input_says_what_to_do() -> None:
         imu_run(Log({**imu.channels, "gx": imu["gx"] / DEG}))
     with pytest.raises(LogError, match="not gravity in m/s²"):
         imu_run(Log({**imu.channels, **{n: imu[n] / 9.81 for n in ("ax", "ay", "az")}}))
+    short = usable(machine, bind(log.rows(slice(0, 800)), machine.columns))
     with pytest.raises(DataError, match="at least 5 s are needed"):
-        pieces(machine, bound(machine, log.rows(slice(0, 800))), "delta", "C_link", 100.0)
+        pieces(machine, short, "delta", "C_link", 100.0)
 
 
 def test_units_in_the_header_are_converted() -> None:

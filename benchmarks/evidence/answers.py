@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -17,6 +18,9 @@ from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.system.writing import write_text
 
 Row = dict[str, Any]
+FAULTS, COMMANDED = ("real.py", "faults"), "emps"
+"""Faults put into the effort alone. The recordings with a command are asked without it: with it such a fault
+contradicts the known law of their controller."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,12 @@ class Answers:
 
     rows: list[Row]
     command: str
+
+
+def together(*answers: Answers) -> Answers:
+    """Return all answers as one."""
+    commands = dict.fromkeys(x.command for x in answers if x.rows)
+    return Answers([row for x in answers for row in x.rows], ", ".join(commands))
 
 
 class Source(Protocol):
@@ -85,7 +95,7 @@ class Runs:
 
     def score(self, script: str, *words: str) -> Answers:
         """Return what a script of the other simulator or of the recordings writes."""
-        folder = self.out / script.removesuffix(".py")
+        folder = self.out / f"{script.removesuffix('.py')}-{words[0]}"
         key = "-".join(words).replace("--", "").replace(":", "_").replace(",", "+")
         kept = self.out / f"{fingerprint()}-{script.removesuffix('.py')}-{key}.jsonl"
         if not kept.is_file():
@@ -96,9 +106,19 @@ class Runs:
             command += ["--exe", str(exe), "--jobs", "2"]
             if script == "real.py":
                 command += ["--data", str(self.at.data)]
+            if (script, words[0]) == FAULTS:
+                self._without_command(folder / COMMANDED)
             subprocess.run(command, check=True)
             write_text(kept, (folder / "scores.jsonl").read_text(encoding="utf-8"))
         return Answers(_rows(kept, folder), f"{script} {' '.join(words)}")
+
+    def _without_command(self, folder: Path) -> None:
+        """Put recordings without their command where ``real.py`` would write them with it."""
+        shutil.copytree(self.at.real(COMMANDED)[0], folder, dirs_exist_ok=True)
+        for log in folder.glob("*.csv"):
+            rows = [line.split(",") for line in log.read_text(encoding="utf-8").splitlines()]
+            kept = [k for k, name in enumerate(rows[0]) if not name.endswith(".qr")]
+            write_text(log, "".join(",".join(row[k] for k in kept) + "\n" for row in rows))
 
 
 @dataclass
@@ -115,7 +135,7 @@ class Given:
 
     @classmethod
     def read(cls, files: Sequence[Path]) -> Given:
-        """Read ``scores.jsonl`` files; their diagnoses lie beside them.
+        """Read ``scores.jsonl`` files; their diagnoses lie beside them. What was asked with a command is left out.
 
         Raises:
             ValueError: a question was asked twice, so that one would have to be chosen.
@@ -125,7 +145,10 @@ class Given:
         twice = [question for question, count in asked.items() if count > 1]
         if twice:
             raise ValueError(f"{twice[0][0]}: asked twice: {' '.join(map(str, twice[0][1:]))}")
-        return cls(rows)
+        alone = [row for row in rows if _asked(row) != FAULTS or not _with_command(row)]
+        if len(alone) < len(rows):
+            print(f"{len(rows) - len(alone)} faults put into recordings with a command are not counted")
+        return cls(alone)
 
     @property
     def seeds(self) -> str:
@@ -160,6 +183,12 @@ def _asked(row: Row) -> tuple[str, str]:
     return "score.py", row["what"]
 
 
+def _with_command(row: Row) -> bool:
+    """Return whether the recording that a fault was put into has a command."""
+    log = Path(row["folder"]) / row["set"] / "b.csv"
+    return log.is_file() and ".qr," in log.read_text(encoding="utf-8").partition("\n")[0]
+
+
 def _as_asked(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with the kind that was asked where the answer has another.
 
@@ -176,7 +205,7 @@ def _as_asked(rows: Sequence[Row]) -> list[Row]:
 
 
 def _question(row: Row) -> tuple[str, ...]:
-    keys = ("set", "case", "what", "seed", "kind", "asked", "situation")
+    keys = ("set", "case", "what", "machine", "seed", "kind", "asked", "situation")
     return tuple(str(row[k]) for k in keys if k in row)
 
 
@@ -190,9 +219,11 @@ def _seed(row: Row) -> int | None:
 
 
 def _machine(row: Row) -> str:
-    """Return the machine that a row of ``score.py`` is about, ``random`` for one of its seed: its folder tells."""
+    """Return the machine that a row of ``score.py`` is about, ``random`` for one of its seed: its folder may tell."""
     if "set" in row:
         return ""
+    if row["what"] == "shop":
+        return str(row["machine"]).partition(":")[0]
     case = f"{row.get('kind', 'none')}-{row['seed']}"
     found = {p.name.removesuffix(f"-{case}") for p in Path(row["folder"]).glob(f"*-{case}")}
     if len(found) != 1:
@@ -212,13 +243,18 @@ def _spans(seeds: Sequence[int]) -> list[str]:
 
 def effects(row: Row) -> list[Row]:
     """Return the effects of the diagnosis behind a row."""
-    folder = Path(row["folder"])
-    if "set" in row:
-        folder /= f"{row['set']}-{row['case']}"
-    else:
-        folder = next(
-            next(folder.glob(f"*-{row.get('asked', row['kind'])}-{row['seed']}")).glob("diagnosis-*")
-        )
-    file = folder / "diagnosis.json"
+    file = _diagnosed(row) / "diagnosis.json"
     found: list[Row] = json.loads(file.read_text(encoding="utf-8"))["effects"] if file.is_file() else []
     return found
+
+
+def _diagnosed(row: Row) -> Path:
+    """Return the folder of the diagnosis behind a row; that of all rows where there is none."""
+    folder = Path(row["folder"])
+    if "set" in row:
+        return folder / f"{row['set']}-{row['case']}"
+    if row["what"] == "shop":
+        twin = "-balanced" * (row["kind"] == "counterbalance")
+        name = f"{row['machine'].replace(':', '')}-shop-{row['seed']}{twin}"
+        return folder / name / row["kind"] / "diagnosis"
+    return next(folder.glob(f"*-{row.get('asked', row['kind'])}-{row['seed']}/diagnosis-*"), folder)

@@ -14,21 +14,18 @@ import json
 import math
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence import store
-from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, effects
+from benchmarks.evidence import counts, store
+from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, together
+from benchmarks.evidence.counts import HEALTHY, Measured, changed, each, inside
 from benchmarks.evidence.store import Figure, Kind
-from pinotwin.bench.statistics import calibration
 from pinotwin.system.writing import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
-OUTSIDE = ("hum", "speed_ripple")
-"""Kinds of the other simulator that nobody's catalogue holds."""
 
 
 @dataclass(frozen=True)
@@ -37,279 +34,224 @@ class Line:
 
     Attributes:
         what: in words.
-        value: the figure; NaN where nothing was asked.
-        must: largest value that is enough, smallest if ``least``. aim: the same of what should hold.
+        must: smallest value that is enough, largest unless ``least``.
+        aim: the same of what should hold; None where nothing more is wanted.
+        value: measures it on answers.
         least: whether larger is better.
-        counts: what is behind it, such as ``37 of 40``.
-        command: that gave it.
+        unit: of the value; empty for shares and counts.
     """
 
     what: str
-    value: float
     must: float
-    aim: float
-    least: bool
-    counts: str
-    command: str
+    aim: float | None
+    value: Callable[[Sequence[Row]], Measured]
+    least: bool = True
+    unit: str = ""
 
-    @property
-    def state(self) -> str:
-        """``aim``, ``must``, ``MISSED`` or a dash."""
-        if not math.isfinite(self.value):
+    def state(self, value: float) -> str:
+        """Return ``aim``, ``must``, ``MISSED`` or a dash."""
+        if not math.isfinite(value):
             return "-"
-        good = (lambda bound: self.value >= bound) if self.least else (lambda bound: self.value <= bound)
-        return "aim" if good(self.aim) else "must" if good(self.must) else "**MISSED**"
+        if self.aim is not None and self._reaches(value, self.aim):
+            return "aim"
+        return "must" if self._reaches(value, self.must) else "**MISSED**"
+
+    def _reaches(self, value: float, bound: float) -> bool:
+        return value >= bound if self.least else value <= bound
+
+    def judged(self, value: float) -> str:
+        """Return the bounds, and which of them a value reaches."""
+        sign = "≥" if self.least else "≤"
+        aim = "" if self.aim is None else f", aim {sign} {self.aim:.3g}"
+        return f"must {sign} {self.must:.3g}{aim}, reached: {self.state(value)}"
 
 
-def share(
-    what: str, flags: Sequence[bool], must: float, aim: float, command: str, *, least: bool = True
+def at_most(
+    what: str, must: float, aim: float | None, value: Callable[[Sequence[Row]], Measured], unit: str = ""
 ) -> Line:
-    """Return a line that counts: how many flags are set, of how many."""
-    hits, of = sum(map(bool, flags)), len(flags)
-    return Line(what, hits / of if of else math.nan, must, aim, least, f"{hits} of {of}", command)
+    """Return a line of which less is better."""
+    return Line(what, must, aim, value, False, unit)
 
 
-def real_healthy(runs: Source) -> list[Line]:
+@dataclass(frozen=True)
+class Part:
+    """Lines that are measured on the same answers.
+
+    Attributes:
+        about: which machines, in words; begins every line.
+        ask: returns the answers.
+        lines: name in figures.json -> line.
+    """
+
+    about: str
+    ask: Callable[[Any], Answers]
+    lines: Mapping[str, Line]
+
+
+def _seeds(runs: Source, machines: int) -> str:
+    """Return the seeds of so many machines as the scripts take them."""
+    return f"{runs.seed}:{runs.seed + machines}"
+
+
+def real_healthy(runs: Source) -> Answers:
     """Real machines, nothing changed."""
-    told = runs.score("real.py", "healthy")
-    return [share("real, healthy: `none`", [r["right"] for r in told.rows], 1.0, 1.0, told.command)]
+    return runs.score("real.py", "healthy")
 
 
-def real_faults(runs: Source) -> list[Line]:
-    """Known faults in real logs."""
-    told = _real_faults(runs)
-    right = [r["right"] for r in told.rows]
-    return [share("real, known faults: first name and axis", right, 0.85, 0.95, told.command)]
+def real_faults(runs: Source) -> Answers:
+    """Known faults put into the effort of real logs."""
+    return runs.score("real.py", "faults", "--seeds", _seeds(runs, max(1, runs.machines // 2)))
 
 
-def _real_faults(runs: Source) -> Answers:
-    seeds = f"{runs.seed}:{runs.seed + max(1, runs.machines // 2)}"
-    return runs.score("real.py", "faults", "--seeds", seeds)
+def healthy(runs: Source) -> Answers:
+    """Twice as many of another simulator's machines, nothing missing and nothing changed."""
+    return runs.score("score.py", "healthy", "--seeds", _seeds(runs, 2 * runs.machines))
 
 
-def healthy(runs: Source) -> list[Line]:
-    """Another simulator's machines, nothing missing and nothing changed."""
-    told = runs.score("score.py", "healthy", "--seeds", runs.seeds)
-    rows, command = told.rows, told.command
-    return [
-        share(
-            "other simulator, healthy: a cause named",
-            [not r["unnamed"] for r in rows],
-            0.05,
-            0.0,
-            command,
-            least=False,
-        ),
-        share(
-            "other simulator, healthy: not `none`",
-            [not r["silent"] for r in rows],
-            0.1,
-            0.05,
-            command,
-            least=False,
-        ),
-    ]
-
-
-def diagnose(runs: Source) -> list[Line]:
+def diagnose(runs: Source) -> Answers:
     """Another simulator's machines, 22 kinds."""
-    told = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
-    rows, command = told.rows, told.command
-    inside, outside = ([r for r in rows if (r["kind"] in OUTSIDE) is x] for x in (False, True))
-    return [
-        share(
-            "other simulator, 20 kinds: first name and axis",
-            [r["axis_right"] for r in inside],
-            0.85,
-            0.92,
-            command,
-        ),
-        share(
-            "other simulator: an extra name",
-            [r["extras"] > 0 for r in inside],
-            0.15,
-            0.05,
-            command,
-            least=False,
-        ),
-        share(
-            "other simulator: outside the catalogue recognised",
-            [r["first"] for r in outside],
-            0.8,
-            0.9,
-            command,
-        ),
-    ]
+    return runs.score("score.py", "diagnose", "--seeds", runs.seeds)
 
 
-def named_machines(runs: Source) -> list[Line]:
-    """The trunnion and the driller of the other simulator."""
-    seeds = f"{runs.seed}:{runs.seed + 1}"
-    out = []
-    for machine in ("trunnion", "driller"):
-        told = runs.score("score.py", "diagnose", "--machine", machine, "--seeds", seeds)
-        right = [r["axis_right"] for r in told.rows]
-        out.append(share(f"MuJoCo {machine}: first name and axis, 22 kinds", right, 0.9, 0.95, told.command))
-    return out
+def shop(runs: Source) -> Answers:
+    """Machines over days, every kind; the healthy days of twice as many machines."""
+    every = runs.score("score.py", "shop", "--seeds", runs.seeds)
+    ill = Answers([row for row in every.rows if row["kind"] not in HEALTHY], every.command)
+    seeds = _seeds(runs, 2 * runs.machines)
+    well = runs.score("score.py", "shop", "--kinds", ",".join(HEALTHY), "--seeds", seeds)
+    return together(ill, well)
 
 
-def stated(runs: Source) -> list[Line]:
-    """What the same answers stated: confidence, and the shrink that the fit promised."""
-    told = [runs.score("score.py", "diagnose", "--seeds", runs.seeds), _real_faults(runs)]
-    rows = [row for answers in told for row in answers.rows]
-    named = [(r["named"][0][2], bool(r.get("axis_right", r.get("right")))) for r in rows if r["named"]]
-    found = calibration([p for p, _ in named], [x for _, x in named])
-    off = []
-    for row in rows:
-        if row["named"] and row.get("axis_right", row.get("right")):
-            shrink = effects(row)[0]["shrink"].get("u")
-            if shrink is not None:
-                off.append(abs(shrink["promised"] - shrink["share"]))
-    median = sorted(off)[len(off) // 2] if off else math.nan
-    error = math.nan if found is None else found.error
-    command = ", ".join(answers.command for answers in told if answers.rows)
-    return [
-        Line(
-            "calibration error, other simulator and real",
-            error,
-            0.1,
-            0.05,
-            False,
-            f"{len(named)} answers",
-            command,
-        ),
-        Line(
-            "variance explained, expected less achieved, median",
-            median,
-            0.07,
-            0.03,
-            False,
-            f"{len(off)} answers",
-            command,
-        ),
-    ]
+def stated(runs: Source) -> Answers:
+    """All answers that state how sure they are of a name."""
+    return together(*(ask(runs) for ask in (real_healthy, healthy, diagnose, real_faults, shop)))
 
 
-def payload(runs: Source) -> list[Line]:
-    """A kilogram at the last link of two real robots."""
-    seeds = f"{runs.seed}:{runs.seed + 1}"
-    words = ("faults", "--kinds", "payload", "--sets", "lwr4,panda", "--seeds", seeds)
-    good, told = [], []
-    asked = runs.score("real.py", *words)
-    for row in asked.rows:
-        first = next(iter(effects(row)), None)
-        mass = next((s for s in (first or {}).get("sizes", ()) if s["unit"] == "kg"), None)
-        low, high = mass["interval90"] if mass else (math.nan, math.nan)
-        value = mass["after"] if mass else math.nan
-        good.append(bool(row["right"]) and 0.9 <= value <= 1.1 and low <= 1.0 <= high)
-        told.append(f"{row['set']} {value:.3f} ({low:.3f} to {high:.3f}) kg")
-    what = (
-        f"1 kg at the last link: named, 0.9 to 1.1 kg, within the interval ({'; '.join(dict.fromkeys(told))})"
-    )
-    return [share(what, good, 1.0, 1.0, asked.command)]
+def three(runs: Runs) -> Answers:
+    """Three changes at once, of machines over days with a second encoder."""
+    from benchmarks.questions.three import asked, cases
+
+    seeds = range(runs.seed, runs.seed + 5 * runs.machines)
+    rows = [asked(case) for case in cases(runs.at, seeds)]
+    return Answers(rows, f"python -m benchmarks three --seeds {seeds.start}:{seeds.stop}")
 
 
-def bench(runs: Runs) -> list[Line]:
+def bench(runs: Runs) -> Answers:
     """The project's own bench, on random machines of the same seeds."""
     names = [f"random:{runs.seed + k}" for k in range(runs.machines)]
-    words = [
-        "--seeds",
-        "1",
-        "--seed",
-        str(runs.seed),
-        "--machines",
-        "trunnion",
-        "laser_driller",
-        "emps",
-        *names,
-    ]
+    words = ["--seeds", "1", "--seed", str(runs.seed), "--machines", "trunnion", "laser_driller", "emps"]
+    words += names
     folder = runs.out / "bench"
     exe = Path(sys.executable).parent / "pinotwin"
     subprocess.run([str(exe), "blind", *words, "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
-    rows = {r["name"]: r for r in json.loads((folder / "bench.json").read_text(encoding="utf-8"))["scores"]}
-    said = "pinotwin blind " + " ".join(words)
-    wanted = (
-        ("healthy machine accused of anything", 0.05, 0.02, False),
-        ("both of two, weaker rho ≥ 0.1", 0.65, 0.8, True),
-        ("outside the catalogue recognised", 0.75, 0.95, True),
-        ("top-1, 0.02 ≤ rho < 0.1", 0.55, 0.75, True),
-    )
-    out = []
-    for name, must, aim, least in wanted:
-        row = rows[name]
-        value = math.nan if row["value"] is None else float(row["value"])
-        counts = f"{row['share']['hits']} of {row['share']['of']}"
-        out.append(Line(f"own bench: {name}", value, must, aim, least, counts, said))
-    return out
+    rows = json.loads((folder / "bench.json").read_text(encoding="utf-8"))["scores"]
+    return Answers(rows, f"pinotwin blind {' '.join(words)}")
 
 
-def speed(runs: Runs) -> list[Line]:
+def speed(runs: Source) -> Answers:
     """One diagnosis, alone on the machine."""
     from benchmarks.diagnosis import CASES, timed
 
     del runs
-    out = []
-    for name, case in CASES.items():
-        seconds = timed(case)
-        command = f"python -m benchmarks diagnosis {name}"
-        out.append(Line(case.what, seconds, case.must, case.aim, False, "s", command))
-    return out
+    rows = [{"case": name, "seconds": timed(case)} for name, case in CASES.items()]
+    return Answers(rows, "python -m benchmarks diagnosis")
 
 
-PARTS: Mapping[str, Callable[[Any], list[Line]]] = {
-    "speed": speed,
-    "real_healthy": real_healthy,
-    "payload": payload,
-    "healthy": healthy,
-    "diagnose": diagnose,
-    "real_faults": real_faults,
-    "stated": stated,
-    "named_machines": named_machines,
-    "bench": bench,
+PARTS: Mapping[str, Part] = {
+    "speed": Part(
+        "one diagnosis",
+        speed,
+        {
+            "seconds_arm": at_most("7-axis robot, 25 s at 250 Hz", 10, 5, counts.seconds("arm"), "s"),
+            "seconds_five": at_most("five axes, 24 s, two repeats", 25, 12, counts.seconds("five"), "s"),
+        },
+    ),
+    "real_healthy": Part(
+        "real, healthy", real_healthy, {"real_healthy": Line("`none`", 1.0, None, each("right"))}
+    ),
+    "healthy": Part(
+        "other simulator, healthy",
+        healthy,
+        {"foreign_accused": at_most("a cause named", 2 / 40, 0.0, each("named"))},
+    ),
+    "diagnose": Part(
+        "other simulator, 22 kinds",
+        diagnose,
+        {
+            "foreign": Line("first name and axis of 20", 0.86, 0.93, each("axis_right", inside)),
+            "foreign_extra": at_most("an extra name of 20", 0.05, None, each("extras", inside)),
+            "foreign_outside": Line("unknown ones recognised", 0.85, None, each("first", counts.outside)),
+        },
+    ),
+    "real_faults": Part(
+        "real, a fault put into the effort (EMPS without its command)",
+        real_faults,
+        {"real": Line("first name and axis", 0.88, 0.95, each("right"))},
+    ),
+    "shop": Part(
+        "machines over days",
+        shop,
+        {
+            "shop_accused": at_most("healthy, accused", 2 / 60, 0.0, counts.accused_days),
+            "shop_again": at_most("healthy, accused on two days", 0.0, None, counts.accused_again),
+            "shop_first": Line("first name (or class) and axis", 0.86, 0.94, each("first", changed)),
+            "shop_extra": at_most("a wrong extra name", 0.10, 0.03, each("wrong_extra", changed)),
+            "shop_honest": Line("no open signal passed over", 0.95, 0.99, each("honest", changed)),
+            "shop_story": Line("place, time or other axis told", 0.80, 0.92, each("story", counts.storied)),
+            "shop_worst": Line("first name and axis, worst of six kinds", 0.75, 0.9, counts.worst_service),
+            "shop_astray": at_most("motor or process blamed wrongly", 1 / 40, 0.0, counts.astray),
+        },
+    ),
+    "stated": Part(
+        "all answers",
+        stated,
+        {
+            "calibration": at_most("expected calibration error", 0.06, 0.03, counts.calibrated),
+            "discrimination": Line(
+                "right names surer than wrong ones, AUC", 0.85, 0.95, counts.discriminated
+            ),
+            "promised": at_most("share promised less delivered, median", 0.05, 0.02, counts.kept_promise),
+        },
+    ),
+    "three": Part(
+        "three changes at once",
+        three,
+        {
+            "three_worst": Line("named, worst of the three", 0.7, 0.9, counts.worst_of_three),
+            "three_false": at_most("a false name first", 0.0, None, counts.false_first),
+        },
+    ),
+    "bench": Part(
+        "own bench",
+        bench,
+        {
+            "own_first": Line("first name of what an oracle sees", 0.75, 0.9, counts.own(counts.SEEN)),
+            "own_pairs": Line("both of two", 0.55, None, counts.own("both of two, weaker rho ≥ 0.1")),
+            "own_outside": Line("unknown recognised", 0.75, None, counts.own(counts.UNKNOWN)),
+            "own_accused": at_most("healthy, accused", 1 / 26, None, counts.own(counts.ACCUSED)),
+        },
+    ),
 }
-"""Name -> what measures it, the short ones first."""
-GIVEN = ("real_healthy", "payload", "healthy", "diagnose", "real_faults", "stated", "named_machines")
+"""Name -> what is asked, and the lines that are measured on it; the short ones first."""
+GIVEN = tuple(name for name in PARTS if name not in ("speed", "three", "bench"))
 """Those that only count what the scripts wrote."""
-
-
-NAMES: Mapping[str, tuple[str, ...]] = {
-    "speed": ("seconds_arm", "seconds_five"),
-    "real_healthy": ("real_healthy",),
-    "payload": ("payload",),
-    "healthy": ("foreign_accused", "foreign_not_none"),
-    "diagnose": ("foreign", "foreign_extra", "foreign_outside"),
-    "real_faults": ("real",),
-    "stated": ("calibration", "promised"),
-    "named_machines": ("trunnion", "driller"),
-    "bench": ("own_accused", "own_pairs", "own_outside", "own_small"),
-}
-"""Part -> name in figures.json of each of its lines."""
-KNOWN = ("seconds_arm", "seconds_five", "real_healthy", "payload")
+KNOWN = ("seconds_arm", "seconds_five", "real_healthy")
 """Figures of cases that no seed draws anew: they were looked at while the rules were set."""
 
 
-def _named(figures: Mapping[str, Sequence[Row]]) -> Iterator[tuple[str, Line, str]]:
-    """Yield name, line, and date and commit of what was measured."""
-    for part in PARTS:
-        for name, raw in zip(NAMES[part], figures.get(part, ()), strict=False):
-            line = Line(**{k: raw[k] for k in Line.__dataclass_fields__})
-            if math.isfinite(line.value):
-                yield name, line, ", ".join(filter(None, (raw["date"], raw.get("commit"))))
-
-
-def figures_of(lines: Mapping[str, Sequence[Row]]) -> list[Figure]:
-    """Return the lines as figures: a share as a count, with what it must be."""
+def figures_of(kept: Mapping[str, Row]) -> list[Figure]:
+    """Return the measured lines as figures: a share as a count, with what it must be."""
     out = []
-    for name, line, date in _named(lines):
-        sign = "≥" if line.least else "≤"
-        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}, reached: {line.state}; {line.command}; {date}"
-        hits, _, of = line.counts.partition(" of ")
-        value, whole = (float(hits), int(of)) if of else (line.value, None)
-        unit = "s" if line.counts == "s" else ""
+    lines = [(name, part.about, line) for part in PARTS.values() for name, line in part.lines.items()]
+    for name, about, line in (x for x in lines if x[0] in kept):
+        row = kept[name]
+        said = (line.judged(row["value"]), row["which"], row["command"], f"{row['date']}, {row['commit']}")
+        hits, _, of = row["counts"].partition(" of ")
+        value, whole = (float(hits), int(of)) if of else (row["value"], None)
         kind: Kind = "development" if name in KNOWN else "unseen"
-        out.append(
-            Figure(name, line.what.removesuffix(" [s]"), value, unit=unit, kind=kind, of=whole, note=note)
-        )
+        note = "; ".join(filter(None, said))
+        what = f"{about}: {line.what}"
+        out.append(Figure(name, what, value, unit=line.unit, kind=kind, of=whole, note=note))
     return out
 
 
@@ -322,7 +264,7 @@ def main() -> None:
     """Measure what is asked for; write the part ``diagnosis`` of figures.json.
 
     python -m benchmarks.evidence.diagnosis speed healthy --seed 700 --machines 4 --out out/evidence
-    python -m benchmarks.evidence.diagnosis --scores DIR/scores.jsonl [DIR2/scores.jsonl ...] --commit HASH
+    python -m benchmarks.evidence.diagnosis [shop] --scores DIR/scores.jsonl [DIR2/scores.jsonl ...] --commit HASH
 
     Random machines are `random:SEED` and those after it, faults of recordings are drawn from SEED: take one that
     nobody looked at. An answer once given by the same code is kept in the folder: a run that was cut off goes on where
@@ -347,27 +289,28 @@ def main() -> None:
     )
     parser.add_argument("--commit", help="that was asked (default: the one that is checked out)")
     args = parser.parse_args()
-    unknown = [p for p in args.parts if p not in PARTS]
+    known = GIVEN if args.scores else tuple(PARTS)
+    unknown = [p for p in args.parts if p not in known]
     if unknown:
-        parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
+        parser.error(f"no part {unknown[0]!r}; there are {', '.join(known)}")
+    out = Path(args.out)
     try:
+        source: Runs | Given
         if args.scores:
-            parts, source = args.parts or list(GIVEN), Given.read(args.scores)
+            source = Given.read(args.scores)
         else:
-            parts = args.parts or list(PARTS)
-            source = Runs.beside(Path(args.out), args.seed, args.machines, args.data)
-        lines = measured(parts, source, Path(args.out), args.commit)
+            source = Runs.beside(out, args.seed, args.machines, args.data)
+        keep(measured(args.parts or known, source, out, args.commit))
     except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
-    keep(lines)
 
 
-def keep(lines: Mapping[str, Sequence[Row]]) -> None:
+def keep(kept: Mapping[str, Row]) -> None:
     """Write the part of figures.json."""
     store.keep(
         "diagnosis",
         inspect.cleandoc(__doc__ or ""),
-        figures_of(lines),
+        figures_of(kept),
         command="python -m benchmarks.evidence.diagnosis",
         seeds="those of the command beside each figure",
     )
@@ -375,8 +318,8 @@ def keep(lines: Mapping[str, Sequence[Row]]) -> None:
 
 def measured(
     parts: Sequence[str], runs: Runs | Given, out: Path, commit: str | None = None
-) -> dict[str, list[Row]]:
-    """Measure parts and return all lines that the folder knows, by part.
+) -> dict[str, Row]:
+    """Measure parts, print their lines, and return all lines that the folder knows, by name.
 
     Args:
         parts: names of :data:`PARTS`.
@@ -384,24 +327,23 @@ def measured(
         out: lines are kept here.
         commit: that answered; the one that is checked out unless given.
     """
-    commit = commit or _checked_out()
+    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    stamp = {"date": today, "commit": commit or _checked_out()}
     out.mkdir(parents=True, exist_ok=True)
-    kept = out / "figures.json"
-    lines: dict[str, list[Row]] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
-    for part in parts:
-        start = time.monotonic()
-        stamp = {"date": datetime.datetime.now(datetime.UTC).date().isoformat(), "commit": commit}
-        found = [{**vars(f), **stamp} for f in PARTS[part](runs)]
-        if not any(math.isfinite(f["value"]) for f in found):
-            continue  # nobody asked
-        lines[part] = found
-        write_text(kept, json.dumps(lines, indent=1))
-        for f in found:
-            print(
-                f"{f['what']}: {f['value']:.3g} ({f['counts']})  [{time.monotonic() - start:.0f} s]",
-                flush=True,
-            )
-    return lines
+    file = out / "lines.json"
+    kept: dict[str, Row] = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    for part in (PARTS[name] for name in parts):
+        told = part.ask(runs)
+        for name, line in part.lines.items():
+            found = line.value(told.rows)
+            if not math.isfinite(found.value):
+                continue  # nobody asked
+            kept[name] = {**asdict(found), "command": told.command, **stamp}
+            behind = ", ".join(filter(None, (found.counts, found.which)))
+            said = f"{found.value:.3g} {line.unit or f'({behind})'}; {line.judged(found.value)}"
+            print(f"{name:<16}{part.about}: {line.what}: {said}", flush=True)
+        write_text(file, json.dumps(kept, indent=1))
+    return kept
 
 
 SEED, MACHINES = 760, 5

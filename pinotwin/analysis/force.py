@@ -38,12 +38,14 @@ class ExternalEffort:
     link: LinkForce | None = None  # the pure force on a link, if one was named
 
     def channels(self) -> dict[str, Floats]:
-        """Return ``t`` and, for every axis, ``<axis>.f``, ``.f_low`` and ``.f_high``."""
+        """Return ``t``, ``<axis>.f`` and, of a link, ``<link>.fx`` to ``.fz``, each with ``_low`` and ``_high``."""
+        rows = list(zip([f"{name}.f" for name in self.names], self.force.T, self.half.T, strict=True))
+        if (part := self.link) is not None:
+            rows += zip([f"{part.link}.f{x}" for x in "xyz"], part.force.T, part.half.T, strict=True)
         out = {"t": self.t}
-        for k, name in enumerate(self.names):
-            f, h = self.force[:, k], self.half[:, k]
-            out |= {f"{name}.f": f, f"{name}.f_low": f - h, f"{name}.f_high": f + h}
-        return out | ({} if self.link is None else self.link.channels())
+        for name, f, h in rows:
+            out |= {name: f, f"{name}_low": f - h, f"{name}_high": f + h}
+        return out
 
     def save(self, path: str | Path) -> Path:
         """Write :meth:`channels` (.csv or .parquet, SI) and return the path."""
@@ -119,14 +121,6 @@ class LinkForce:
     link: str  # name of the link (or another frame)
     force: Floats  # at its origin [N], shape (n, 3), NaN along directions that the axes do not feel
     half: Floats  # half width of its 90 % interval, shape (n, 3), likewise
-
-    def channels(self) -> dict[str, Floats]:
-        """Return ``<link>.fx`` to ``.fz``, each with ``_low`` and ``_high``."""
-        out: dict[str, Floats] = {}
-        for k, x in enumerate("xyz"):
-            f, h = self.force[:, k], self.half[:, k]
-            out |= {f"{self.link}.f{x}": f, f"{self.link}.f{x}_low": f - h, f"{self.link}.f{x}_high": f + h}
-        return out
 
     def felt(self) -> Floats:
         """Return the share of the time in which the force is determined, by direction, shape (3,)."""

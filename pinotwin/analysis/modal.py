@@ -72,7 +72,10 @@ def modes(
     held = _locked(believed, locked, stiffness or {})
     free = np.array([j for j, name in enumerate(believed.names) if name not in held], dtype=np.intp)
     M = mass_matrix(machine.model, q[None])[0]
-    K = np.diag(k) + (_gravity_slope(machine.model, q) if gravity else 0.0)
+    K = np.diag(k)
+    if gravity:  # dg/dq, symmetric
+        slope = pin.computeGeneralizedGravityDerivatives(machine.model, machine.model.createData(), q)
+        K += 0.5 * (slope + slope.T)
     if not len(free):
         return Modes(believed.names, q, held, ())
     cut = np.ix_(free, free)
@@ -158,13 +161,6 @@ def _locked(
     for name in locked:
         machine.axis(name)
     return tuple(name for name in machine.axes if name in locked and name not in stiffness)
-
-
-def _gravity_slope(model: pin.Model, q: Floats) -> Floats:
-    """Return dg/dq, symmetric, (nv, nv)."""
-    slope = pin.computeGeneralizedGravityDerivatives(model, model.createData(), q)
-    slope = np.reshape(slope, (model.nv, model.nv))
-    return 0.5 * (slope + slope.T)
 
 
 def _solve(M: Floats, K: Floats, C: Floats, free: Ints, still: float = 2e-3) -> tuple[Mode, ...]:

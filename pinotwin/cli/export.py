@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pinotwin.cli.arguments import Answer, File, Repeated
 from pinotwin.cli.inputs import by_axis, check_twin
 from pinotwin.errors import InputError, require
-
-if TYPE_CHECKING:
-    from pinotwin.arrays import Floats
 
 
 def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
@@ -29,16 +24,12 @@ def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
     from pinotwin.twin import Twin
 
     found = Twin.load(twin)
-    speeds = _speeds(speed, found.machine.names, default_speed(found.machine))
-    made = export_twin(found, format, Path(out), speed=speeds)
-    files = [str(Path(out).parent / name) for name in made.files]
-    return Answer([*made.notes, f"written: {', '.join(files)}"], {**made.to_dict(), "files": files})
-
-
-def _speeds(given: Sequence[str], names: Sequence[str], usual: Floats) -> Floats:
-    for name, (value,) in by_axis("speed", given).items():
+    names, speeds = found.machine.names, default_speed(found.machine)
+    for name, (value,) in by_axis("speed", speed).items():
         require(name, names, "--speed: no axis", InputError)
         if not value > 0.0:
             raise InputError(f"--speed: {name}={value:g} must be positive")
-        usual[names.index(name)] = value
-    return usual
+        speeds[names.index(name)] = value
+    made = export_twin(found, format, Path(out), speed=speeds)
+    files = [str(Path(out).parent / name) for name in made.files]
+    return Answer([*made.notes, f"written: {', '.join(files)}"], {**made.to_dict(), "files": files})

@@ -38,20 +38,15 @@ def run(
     given = as_subject(subject)
     from pinotwin.report.study import study
 
-    span = _window(window)
+    span = None
+    if window is not None:
+        low, high = numbers("window", window, "LOW,HIGH in seconds", 2)
+        if not low < high:
+            raise InputError(f"--window: {low:g} is not before {high:g}")
+        span = low, high
     with progress() as report:
         found = study(given, read_logs(logs), only=only, axes=axis, window=span, report=report)
         found.save(out)
     lines = [f"{name}: {one.finding} ({len(one.rows)} rows)" for name, one in found.studies.items()]
     lines += [f"left out: {line}" for line in found.left_out]
     return Answer([*lines, f"studies written to {out}"], found.to_dict())
-
-
-def _window(text: str | None) -> tuple[float, float] | None:
-    """Return the first and the last time [s]."""
-    if text is None:
-        return None
-    low, high = numbers("window", text, "LOW,HIGH in seconds", 2)
-    if not low < high:
-        raise InputError(f"--window: {low:g} is not before {high:g}")
-    return low, high

@@ -208,9 +208,6 @@ def _level(row: dict[str, Any]) -> tuple[float, dict[str, Any] | None]:
     return level, row | {"plus": plus._replace(y=rest_plus), "minus": minus._replace(y=rest_minus)}
 
 
-_READABLE = (".stl", ".obj")
-
-
 @dataclass(frozen=True)
 class Geometry:
     """Shapes by joint number (0: the base), meshes, and how many shapes could not be taken."""
@@ -269,7 +266,7 @@ def _shape(visual: etree._Element, meshes: list[dict[str, str]]) -> dict[str, st
 
 def _mesh(kind: etree._Element, meshes: list[dict[str, str]], paint: dict[str, str]) -> dict[str, str] | None:
     file = Path(kind.get("filename") or "")
-    if file.suffix.lower() not in _READABLE or not file.is_file():
+    if file.suffix.lower() not in (".stl", ".obj") or not file.is_file():
         return None
     entry = {"name": f"mesh{len(meshes)}", "file": str(file)}
     if kind.get("scale"):

@@ -46,7 +46,10 @@ class Rows:
 
 def choose_rows(motion: Motion) -> Rows:
     """Return the rows of a motion that identification uses; DataError where no joint has a usable effort."""
-    sample, block = _decimated_samples(motion)
+    picks = [np.arange(s.stop - 1, s.start - 1, -motion.decimation)[::-1] for s in motion.segments]
+    if not picks:
+        raise DataError(f"{motion.source}: no stretch of regular sampling is long enough")
+    sample, block = np.concatenate(picks), np.repeat(np.arange(len(picks)), list(map(len, picks)))
     usable = (motion.use & np.isfinite(motion.u))[sample]
     joints = tuple(int(joint) for joint in np.flatnonzero(usable.any(axis=0)))
     if not joints:
@@ -73,15 +76,6 @@ def pieces(motion: Motion, rows: Rows, settings: Settings) -> Motion | None:
             if b - a > 100 * motion.decimation:
                 found.append(motion.cut(a, b))
     return Motion.join(found) if found else None
-
-
-def _decimated_samples(motion: Motion) -> tuple[Ints, Ints]:
-    step = motion.decimation
-    picks = [np.arange(s.stop - 1, s.start - 1, -step)[::-1] for s in motion.segments]
-    blocks = [np.full(len(p), k) for k, p in enumerate(picks)]
-    if not picks:
-        raise DataError(f"{motion.source}: no stretch of regular sampling is long enough")
-    return np.concatenate(picks), np.concatenate(blocks)
 
 
 def thin(motion: Motion, values: Floats) -> Floats:

@@ -67,12 +67,8 @@ def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings
 
 def first_part(data: LoopData) -> LoopData:
     """Return the part of the data on which orders are compared."""
-    parts = [slice(s.start, min(s.stop, _cut(data))) for s in data.segments]
+    parts = [slice(s.start, min(s.stop, int(TRAINED * len(data.qr)))) for s in data.segments]
     return data.within([s for s in parts if s.stop - s.start > 32])
-
-
-def _cut(data: LoopData) -> int:
-    return int(TRAINED * len(data.qr))
 
 
 def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
@@ -81,7 +77,7 @@ def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[
     size = np.zeros(len(model.outputs))
     for s in data.segments:
         y = model.simulate(data.qr[s], data.d[s])
-        start = max(_cut(data) - s.start, 0) if held_out else 0
+        start = max(int(TRAINED * len(data.qr)) - s.start, 0) if held_out else 0
         truth = data.outputs[s][start:]
         total += np.sum((y[start:] - truth) ** 2, axis=0)
         size += np.sum(truth**2, axis=0)

@@ -18,7 +18,7 @@ from pinotwin.identification.shapes import Found, search_shapes, widened
 from pinotwin.identification.smooth import with_beliefs
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.solve.linear import Options, Prior, linear
+from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.result import LinearFit
 from pinotwin.twin import OpenLoop
 from pinotwin.twin.parameters import Parameter, Parameters, verdict
@@ -93,7 +93,7 @@ def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | No
     mean[rigid_body_of(effects)[1]] = machine.base.from_standard(parameters(machine.model))
     belief, alike = _belief(effects)
     return Options(
-        prior=Prior(mean=mean),
+        prior=mean,
         belief=belief,
         alike=alike,
         ridge=None if motion is None else _ridge(effects, motion),

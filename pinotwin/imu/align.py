@@ -26,11 +26,6 @@ class RotationFit:
     cov: Floats  # covariance of the small rotation vector e in R_true = exp(e) R [rad²], (3, 3)
     gravity: bool = False  # whether gravity had to serve as a second direction
 
-    @property
-    def se(self) -> Floats:
-        """Standard errors of the rotation vector [rad], (3,)."""
-        return np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-
 
 def fit_rotation(
     x: Floats,

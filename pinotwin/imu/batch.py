@@ -63,7 +63,7 @@ def estimate(
         with np.errstate(invalid="raise", over="raise", divide="raise"):
             problem, clocks = prepare(servo, imu, p, clocks)
             theta, cov = _solve(problem)
-            result = _collect(problem, theta, cov, clocks, p)
+            result = _collect(problem, theta, cov, clocks)
     except (FloatingPointError, np.linalg.LinAlgError):
         raise _lost(p) from None
     speed, sd = result.seen
@@ -182,21 +182,16 @@ def _solve(problem: _Problem, iterations: int = 12) -> tuple[Floats, Floats]:
         step = np.linalg.solve(A, g)
         step *= min(1.0, 3.0 / max(np.abs(step[: lay["mode"].stop]).max(), 1e-12))
         theta = theta + sd * step
-        _check(theta, mean, sd, problem)
+        mode = lay["mode"]
+        away = np.abs(theta[mode] - mean[mode]) / sd[mode]  # standard deviations from the prior
+        overdamped = theta[mode][1] >= 0.0
+        if overdamped or not np.isfinite(theta).all() or away.max() > 5.0:
+            raise _lost(problem.models[0].priors)
         size = float(np.sqrt(np.mean(step**2)))
         if k > 3 and (size < 1e-5 or size > 0.9 * last):
             break
         last = size
     return theta, _covariance(problem, theta, A, sd, whiteners)
-
-
-def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem, farthest: float = 5.0) -> None:
-    """Raise an error where the mode is further from its prior than so many standard deviations."""
-    at = problem.lay["mode"]
-    away = np.abs(theta[at] - mean[at]) / sd[at]
-    overdamped = theta[at][1] >= 0.0
-    if overdamped or not np.isfinite(theta).all() or away.max() > farthest:
-        raise _lost(problem.models[0].priors)
 
 
 def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]) -> Floats:
@@ -219,7 +214,7 @@ def _whitened(
     return both[:, :, 0], both[:, :, 1:]
 
 
-def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit], p: Priors) -> BatchResult:
+def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit]) -> BatchResult:
     lay = problem.lay
     R_ST = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ problem.R_ST
     runs: list[RunResult] = []
@@ -227,8 +222,8 @@ def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFi
         at = problem.columns(r)
         one, C = theta[at], cov[np.ix_(at, at)]
         left = remainder(m, one, lay, problem.R_ST, problem.whiteners[r])
-        runs.append(run_result(m, one, C, lay, clocks[r], left, p))
+        runs.append(run_result(m, one, C, lay, clocks[r], left))
     se = np.sqrt(np.diag(cov))
     return BatchResult(
-        tuple(runs), R_ST, cov[lay["turn"], lay["turn"]], theta[: lay.shared], se[: lay.shared], lay, p
+        tuple(runs), R_ST, cov[lay["turn"], lay["turn"]], theta[: lay.shared], se[: lay.shared], lay
     )

@@ -59,12 +59,10 @@ class ClockFit:
     def to_ref(self, t_imu: Floats) -> Floats:
         """Return reference times of all stamps, (n,); NaN on stretches that could not be placed."""
         t = np.full(len(t_imu), np.nan)
-        if len(t_imu) != self.size and len(self.segments) > 1:
+        if len(t_imu) != self.size:
             raise DataError(f"this clock was fitted on {self.size} stamps, not {len(t_imu)}")
-        whole = len(self.segments) == 1 and len(t_imu) != self.size
         for s in self.segments:
-            rows = slice(None) if whole else s.rows
-            t[rows] = s.at_pivot + (1.0 + self.skew) * (np.asarray(t_imu)[rows] - s.pivot)
+            t[s.rows] = s.at_pivot + (1.0 + self.skew) * (np.asarray(t_imu)[s.rows] - s.pivot)
         return t
 
 

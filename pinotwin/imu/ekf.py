@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.kalman import LinearModel
+from pinotwin.imu.kalman import LinearModel, backward, update
 from pinotwin.system.kernels import compiled
 
 
@@ -89,14 +89,16 @@ def gravity_rows(x, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
-    """Return predicted and filtered states, covariances; ``turn`` rates (n - 1, 3), squared ``noise``, ``s``."""
+    """Return Jacobians, predicted and filtered states and covariances; ``turn`` rates (n - 1, 3), squared ``noise``."""
     n = len(acc)
+    Fs = np.empty((n - 1, 7, 7))
     xp, xf = np.empty((n, 7)), np.empty((n, 7))
     Pp, Pf = np.empty((n, 7, 7)), np.empty((n, 7, 7))
     x, P, run = x0.copy(), P0.copy(), 0
     for k in range(n):
         if k > 0:
             x, F = transition(x, turn[k - 1], h)
+            Fs[k - 1] = F
             P = F @ P @ F.T
             B = np.ascontiguousarray(F[:4, 4:7])
             P[:4, :4] += (noise[0] / h) * (B @ B.T)
@@ -106,28 +108,13 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
         run = run + 1 if near else 0
         if run > 0 and (run >= s[3] or run == k + 1):
             z, H = gravity_rows(x, s[2])
-            PH = P @ H.T
-            S = H @ PH + s[0] * np.eye(3)
-            gain = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PH.T)).T)
-            x = x + gain @ (acc[k] - z)
-            P = P - gain @ PH.T
+            y = acc[k] - z + H @ x
+            for i in range(3):
+                update(x, P, H[i], y[i], s[0])
             P = 0.5 * (P + P.T)
             x[:4] /= np.sqrt(x[:4] @ x[:4])
         xf[k], Pf[k] = x, P
-    return xp, Pp, xf, Pf
-
-
-@compiled
-def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
-    n = len(xf)
-    x = xf.copy()
-    for k in range(n - 2, -1, -1):
-        _, F = transition(xf[k], turn[k], h)
-        ridge = Pp[k + 1] + 1e-18 * np.eye(7)
-        C = np.ascontiguousarray(np.linalg.solve(ridge, F @ Pf[k]).T)
-        x[k] = xf[k] + C @ (x[k + 1] - xp[k + 1])
-        x[k, :4] /= np.sqrt(x[k, :4] @ x[k, :4])
-    return x
+    return Fs, xp, Pp, xf, Pf
 
 
 def ekf(
@@ -151,10 +138,9 @@ def ekf(
     noise = np.array([0.5 * s.gyro_noise**2, s.bias_walk**2])
     gate = np.array([s.accel_noise**2, s.gate, s.g, s.hold * rate])
     turn = rot.increments(gyr, 1.0 / rate, rule) * rate
-    xp, Pp, x, P = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
-    if smooth:
-        x = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
-    return x[:, :4], x[:, 4:7]
+    found = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
+    x = backward(*found)[0] if smooth else found[3]
+    return x[:, :4] / np.linalg.norm(x[:, :4], axis=1, keepdims=True), x[:, 4:7]
 
 
 # places of the states

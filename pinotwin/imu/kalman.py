@@ -27,7 +27,7 @@ class LinearModel:
 
     def smooth(self, z: Floats, variance: Floats) -> tuple[Floats, Floats]:
         """Return smoothed states (n, d) and covariances (n, d, d) for measurements (n, m) with variances (n, m)."""
-        x, P = _backward(np.ascontiguousarray(self.F, dtype=float), *self._filtered(z, variance)[:4])
+        x, P = backward(np.ascontiguousarray(self.F, dtype=float), *self._filtered(z, variance)[:4])
         return x, P
 
     def log_likelihood(self, z: Floats, variance: Floats) -> float:
@@ -43,7 +43,8 @@ class LinearModel:
 
 
 @compiled
-def _update(x, P, h, z, r):  # type: ignore[no-untyped-def]
+def update(x, P, h, z, r):  # type: ignore[no-untyped-def]
+    """Take one measurement z = h x with variance r into state and covariance; return its log-likelihood."""
     d = len(x)
     Ph = P @ h
     s = r + h @ Ph
@@ -71,14 +72,15 @@ def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]  # noqa: 
         xp[k], Pp[k] = x, P
         for i in range(m):
             if np.isfinite(r[k, i]):
-                likelihood += _update(x, P, H[min(k, len(H) - 1), i], z[k, i], r[k, i])
+                likelihood += update(x, P, H[min(k, len(H) - 1), i], z[k, i], r[k, i])
         P = 0.5 * (P + P.T)
         xf[k], Pf[k] = x, P
     return xp, Pp, xf, Pf, likelihood
 
 
 @compiled
-def _backward(F, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
+def backward(F, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
+    """Return smoothed states and covariances of transitions, predictions and filtered ones."""
     n, d = xf.shape
     x, P = xf.copy(), Pf.copy()
     for k in range(n - 2, -1, -1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.signals import roughness
@@ -40,8 +41,6 @@ def _window_std(x: Floats, m: int) -> tuple[Floats, Floats]:
     """Return standard deviation (norm over channels) and mean of sliding windows of m."""
     centre = np.mean(x, axis=0)  # differences of sums lose digits otherwise
     x = x - centre
-    s1 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x]), axis=0)
-    s2 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x**2]), axis=0)
-    mean = (s1[m:] - s1[:-m]) / m
-    variance = np.maximum((s2[m:] - s2[:-m]) / m - mean**2, 0.0)
-    return np.sqrt(variance.sum(axis=1)), mean + centre
+    whole = slice(m // 2, m // 2 + len(x) - m + 1)
+    mean, square = (uniform_filter1d(y, m, axis=0)[whole] for y in (x, x**2))
+    return np.sqrt(np.maximum(square - mean**2, 0.0).sum(axis=1)), mean + centre

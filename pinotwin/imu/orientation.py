@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, nearest
+from pinotwin.errors import DataError, require
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.ekf import ekf, offline_orientation
 
@@ -27,14 +27,13 @@ def orientation(
         raise DataError(f"gyr {gyr.shape} and acc {acc.shape} must both be (n, 3)")
     if not (np.isfinite(gyr).all() and np.isfinite(acc).all()):
         raise DataError("gyr or acc holds NaN or infinity; fill the holes first")
+    require(method, get_args(Method), "unknown method", DataError)
     if method == "offline":
         return offline_orientation(gyr, acc, rate, rule=rule)
     if method in ("ekf", "smoother"):
         return ekf(gyr, acc, rate, smooth=method == "smoother", rule=rule)[0]
-    if method == "vqf":
-        from vqf import offlineVQF
+    from vqf import offlineVQF
 
-        if rule != "mean":
-            gyr = np.concatenate([gyr[:1], rot.increments(gyr, 1.0 / rate, rule) * rate])
-        return np.asarray(offlineVQF(np.ascontiguousarray(gyr), acc, None, 1.0 / rate)["quat6D"])
-    raise DataError(f"unknown method {method!r}; {nearest(method, get_args(Method))}")
+    if rule != "mean":
+        gyr = np.concatenate([gyr[:1], rot.increments(gyr, 1.0 / rate, rule) * rate])
+    return np.asarray(offlineVQF(np.ascontiguousarray(gyr), acc, None, 1.0 / rate)["quat6D"])

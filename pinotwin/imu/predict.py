@@ -12,6 +12,7 @@ gains, the sag and the start; :class:`Layout` names the columns: shared paramete
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.imu import rotation as rot
@@ -35,6 +36,8 @@ class Layout:
         ends = np.cumsum([0, *sizes.values()]).tolist()
         self.at = {name: slice(*ends[k : k + 2]) for k, name in enumerate(sizes)}
         self.size: int = ends[-1]
+        # of the parameters that the deflection's columns belong to
+        self.places = np.r_[*(self.at[name] for name in ("mode", "gain", "sag", "start"))]
 
     def __getitem__(self, name: str) -> slice:
         return self.at[name]
@@ -82,13 +85,9 @@ class RunModel:
         axis = interpolate(self.fine.axis, at - self.delay / self.fine.step)[0]
         return np.stack([interpolate(self.w, at)[0], axis], axis=1)
 
-    def places(self, lay: Layout) -> Floats:
-        """Return the places of the parameters that the deflection's columns belong to."""
-        names = ("mode", "gain", "sag", "start")
-        return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
-
-    def readings(self, delta: Floats, R_ST: Floats, p: Floats) -> tuple[Floats, Floats]:
-        """Return ideal readings (m, 3) of both sensors at p [m]; ``delta``: deflection, rate, acceleration (n, 3)."""
+    def readings(self, t: Floats, delta: Floats, R_ST: Floats, p: Floats) -> tuple[Floats, Floats]:
+        """Return readings (m, 3) of ideal sensors at p [m]; ``delta``: deflection, rate, acceleration at t, (n, 3)."""
+        delta = CubicSpline(t, delta)(self.fine.t)
         at = (self.base - self.fine.t[0]) / self.fine.step
         rigid = self.gyro_columns(at)
         gyr = rigid[:, 0] + rigid[:, 1] * self.seen(delta[:, 1:2], at)
@@ -155,7 +154,7 @@ class RunModel:
         bias = self.hat @ theta[lay["bias"]].reshape(self.knots, 3)
         y = u @ K.T + a * np.abs(u) + cubic * cube + f_s @ G.T + bias
         J, eye = np.zeros((m, 3, lay.size)), np.eye(3)
-        J[:, :, self.places(lay)] = (axis @ K.T)[:, :, None] * cols[:, None, :]
+        J[:, :, lay.places] = (axis @ K.T)[:, :, None] * cols[:, None, :]
         J[:, :, lay["turn"]] = -K @ rot.skew(u)
         J[:, :, lay["clock"].start] = (w_slope @ R.T + axis * v_slope) @ K.T / step
         J[:, :, lay["scale"]] = sheared[:, :, None] * eye
@@ -179,7 +178,7 @@ class RunModel:
         f, moved, T = self._force(d, slopes @ weights, g, p, at)
         rigid, axis = interpolate(self.rigid, at)[0], interpolate(self.fine.axis, at)[0]
         J = np.zeros((m, 3, lay.size))
-        J[:, :, self.places(lay)] = T @ cols
+        J[:, :, lay.places] = T @ cols
         J[:, :, lay["gravity"]] = -rigid[:, 3:12].reshape(m, 3, 3)
         J[:, :, lay["position"]] = rigid[:, 12:].reshape(m, 3, 3) + d[:, 2, None, None] * rot.skew(axis)
         J[:, :, lay["clock"].start] = moved

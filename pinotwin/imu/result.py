@@ -17,13 +17,13 @@ from scipy.linalg import expm
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, nearest
+from pinotwin.errors import DataError, require
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.filters import high_passed
 from pinotwin.imu.kalman import LinearModel
 from pinotwin.imu.predict import Layout, RunModel
-from pinotwin.imu.runs import ImuRun, Priors, ServoRun, interpolate
+from pinotwin.imu.runs import interpolate
 from pinotwin.imu.whiten import Whitener
 
 
@@ -59,7 +59,9 @@ def _observations(
     """Return times, gyro residuals in the link frame, their projections, rows and variances."""
     wn, zeta = np.exp(theta[lay["mode"]])
     e = m.read - m.predict(theta, lay, R_ST)[0]
-    variance = _variance(whitener)
+    # innovations through the autoregression
+    gains = [np.sum(lfilter([1.0], taps, np.eye(1, 400)[0]) ** 2) for taps in whitener.taps]
+    variance = whitener.sigma**2 * np.array(gains)
     R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
     clock = theta[lay["clock"]]
     t = m.base + clock[0] + clock[1] * m.centred - m.delay
@@ -78,13 +80,6 @@ def _observations(
     C[0, 0, 1] = C[0, 0, 3] = 1.0
     C[0, 1, :3] = [-(wn**2), -2.0 * zeta * wn, 1.0]
     return t, e[:, :3] @ R, z, C, r
-
-
-def _variance(whitener: Whitener) -> Floats:
-    """Return the variance of each channel's noise: innovations through the autoregression."""
-    impulse = np.eye(1, 400)[0]
-    gains = [np.sum(lfilter([1.0], taps, impulse) ** 2) for taps in whitener.taps]
-    return whitener.sigma**2 * np.array(gains)
 
 
 def _filled(interval: float, t: Floats, z: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
@@ -157,13 +152,11 @@ class BatchResult:
     theta: Floats  # shared parameters, in the order of layout
     se: Floats  # their standard errors
     layout: Layout = field(repr=False)
-    priors: Priors = field(repr=False)
 
     def shared(self, name: str) -> tuple[Floats, Floats]:
         """Return a group of shared parameters and their standard errors, e.g. "position"."""
-        if name not in self.layout.at or self.layout[name].start >= self.layout.shared:
-            names = [n for n, s in self.layout.at.items() if s.start < self.layout.shared]
-            raise DataError(f"no shared parameter {name!r}; {nearest(name, names)}")
+        names = [n for n, s in self.layout.at.items() if s.start < self.layout.shared]
+        require(name, names, "no shared parameter", DataError)
         return self.theta[self.layout[name]], self.se[self.layout[name]]
 
     @property
@@ -193,15 +186,14 @@ class BatchResult:
 
 
 def run_result(
-    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder, p: Priors
+    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder
 ) -> RunResult:
     """Return one run's result from its parameters, their covariance and the remainder."""
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
     columns = m.columns(theta, lay)
     extra, extra_sd = _on_clock(t, left)
-    places = m.places(lay)
-    C = cov[np.ix_(places, places)]
+    C = cov[np.ix_(lay.places, lay.places)]
     x, v, a = (c[rows] for c in (columns.x, columns.v, columns.a))
     y = np.stack([c @ m.weights(theta, lay) for c in (x, v, a)], axis=1) + extra
     fast = high_passed(t, x, CORNER)
@@ -217,7 +209,7 @@ def run_result(
     motion = y[:, 0], y[:, 1], y[:, 2], sd(fast, 0), sd(v, 1), sd(a, 2)
     slow_sizes = quasi, float(np.std(slow_angle))
     gyro = theta[lay["scale"]], se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3)
-    refined = _refined(m, theta, cov, lay, clock, p)
+    refined = _refined(m, theta, cov, lay, clock)
     unexplained = float(np.std(left.x[:, 0])), _parasitic(m, t, left)
     return RunResult(t, *motion, *slow_sizes, refined, *gyro, *unexplained)
 
@@ -251,7 +243,7 @@ def _on_clock(t: Floats, left: Remainder) -> tuple[Floats, Floats]:
     return np.where(inside[:, None], values, 0.0), sd
 
 
-def _refined(m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, p: Priors) -> ClockFit:
+def _refined(m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit) -> ClockFit:
     """Return the clock with the batch's corrections; the errors are the batch's."""
     shift, stretch = theta[lay["clock"]]
     C = cov[lay["clock"], lay["clock"]]
@@ -261,21 +253,5 @@ def _refined(m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockF
         at = s.at_pivot + shift + stretch * (s.at_pivot - m.pivot)
         d = s.at_pivot - m.pivot
         se = float(np.sqrt(max(C[0, 0] + 2 * d * C[0, 1] + d**2 * C[1, 1], 0.0)))
-        segments.append(replace(s, at_pivot=at, se=float(np.hypot(se, p.gyro_delay_sd))))
+        segments.append(replace(s, at_pivot=at, se=float(np.hypot(se, m.priors.gyro_delay_sd))))
     return replace(clock, skew=skew, se_skew=float(np.sqrt(C[1, 1])), segments=tuple(segments))
-
-
-def predict_readings(
-    servo: ServoRun,
-    imu: ImuRun,
-    run: RunResult,
-    R_link_sensor: Floats,
-    position: Floats,
-    clock: ClockFit,
-    priors: Priors,
-) -> tuple[Floats, Floats]:
-    """Return both readings (m, 3) of another IMU on the link, with mounting R_S/T and ``position`` [m], (3,)."""
-    # IMUs fitted to one encoder agree by construction; one predicts another's signals only if the deflection is right.
-    model = RunModel(servo, imu, priors, clock.to_ref(imu.t))
-    deflection = np.stack([run.angle, run.velocity, run.acceleration], axis=1)
-    return model.readings(CubicSpline(run.t, deflection)(model.fine.t), R_link_sensor, position)

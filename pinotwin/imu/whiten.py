@@ -25,11 +25,13 @@ class Whitener:
         """Fit to resting readings (m, 6) by Yule and Walker: on short rests a scale is 0.02 % off, 0.03 by Burg."""
         still = rest(x[:, :3], x[:, 3:], rate)
         pieces = [x[s] for s in runs(still) if s.stop - s.start > 40 * order]
-        if sum(len(p) for p in pieces) < 0.3 * rate:
+        samples = sum(len(p) for p in pieces)
+        if samples < 0.3 * rate:
             taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
             return cls(taps, white_level(x))
-        share = np.array([len(p) for p in pieces]) / sum(len(p) for p in pieces)
-        r = np.einsum("p,pkc->kc", share, np.stack([_autocovariance(p, order) for p in pieces]))
+        r = np.zeros((order + 1, x.shape[1]))  # autocovariance
+        for p in (p - p.mean(axis=0) for p in pieces):
+            r += np.array([np.sum(p[k:] * p[: len(p) - k], axis=0) for k in range(order + 1)]) / samples
         taps, sigma = np.ones((x.shape[1], order + 1)), np.empty(x.shape[1])
         for c in range(x.shape[1]):
             a = solve_toeplitz(r[:-1, c], r[1:, c])
@@ -47,8 +49,3 @@ class Whitener:
         for c in range(x.shape[1]):
             out[:, c] = lfilter(self.taps[c] / self.sigma[c], [1.0], x[:, c], axis=0)
         return out
-
-
-def _autocovariance(x: Floats, order: int) -> Floats:
-    x = x - x.mean(axis=0)
-    return np.stack([np.sum(x[k:] * x[: len(x) - k], axis=0) / len(x) for k in range(order + 1)])

@@ -117,8 +117,7 @@ def check(machine: MachineLike, log: LogLike | None = None, *, settings: Setting
             findings += _excitation_findings(machine, excited)
         except InputError as error:
             findings.append(finding("unusable", why=str(error)))
-    known = set() if excited is None else set(excited.determined)
-    determined = {} if excited is None else {label: label in known for label in machine.base.labels}
+    determined = {} if excited is None else {x: x in excited.determined for x in machine.base.labels}
     findings = sorted(_causes(findings), key=lambda f: ("error", "warning", "info").index(f.severity))
     return Check(machine, tuple(findings), one.quality, excited, determined)
 

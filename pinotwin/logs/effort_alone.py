@@ -209,14 +209,10 @@ def late_by(motion: Motion, j: int, settings: Settings, most: int = 40_000) -> i
     slow = motion.step > 1.0 / settings.slow_rate  # what a controller does falls between the samples
     if motion.qr is None or slow or len(rows) * motion.step < 4.0:
         return 0
-    first = motion.cut(0, int(rows[-1]) + reach + 1)
     channels = motion.qr[rows, j], motion.u[rows, j]
-    varies = all(np.isfinite(x).all() and np.ptp(x) > 0.0 for x in channels)
-    return _late(first, j, rows, reach, settings) if varies else 0
-
-
-def _late(motion: Motion, j: int, rows: Ints, reach: int, settings: Settings) -> int:
-    """Return by how many rows the command of a joint comes late; 0 where that is not sure."""
+    if not all(np.isfinite(x).all() and np.ptp(x) > 0.0 for x in channels):
+        return 0
+    motion = motion.cut(0, int(rows[-1]) + reach + 1)
     edges = np.flatnonzero(np.diff((motion.t[rows] - motion.t[0]) // 1.0)) + 1
     lags = np.arange(-reach, reach + 1)
     left = np.array([_left(motion, j, rows, edges, int(k), ()) for k in lags])

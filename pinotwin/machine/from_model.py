@@ -23,7 +23,7 @@ from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element, load_model, with_inertias, written
 
-_TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
+_KINDS = {"JointModelRUB": "continuous", "JointModelR": "revolute", "JointModelP": "prismatic"}
 
 
 def machine_of_model(
@@ -77,9 +77,7 @@ def _kind(model: pin.Model, joint: int) -> str:
     name = model.joints[joint].shortname()
     if model.joints[joint].nv != 1 or "Mimic" in name:
         return ""
-    if name.startswith(_ENDLESS):
-        return "continuous"
-    return "revolute" if name.startswith(_TURNING) else "prismatic" if name.startswith(_SLIDING) else ""
+    return next((kind for start, kind in _KINDS.items() if name.startswith(start)), "")
 
 
 def _axes(title: str, axes: Any, single: Mapping[str, int]) -> dict[str, Any]:

@@ -37,8 +37,7 @@ def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> tuple[Floats, Float
 
 def of_run(run: int, t: Floats, sensors: Sequence[Sensor]) -> Motion3:
     """Return one run on its servo stamps (n,), all IMUs combined."""
-    each = [_of_sensor(run, t, sensor) for sensor in sensors]
-    return each[0] if len(each) == 1 else _mean(each)[0]
+    return _mean([_of_sensor(run, t, sensor) for sensor in sensors])[0]
 
 
 def _of_sensor(run: int, t: Floats, sensor: Sensor) -> Motion3:
@@ -58,15 +57,11 @@ def _of_sensor(run: int, t: Floats, sensor: Sensor) -> Motion3:
 def combined(runs: Sequence[Motion3], delays: Sequence[float]) -> tuple[Motion3, Floats]:
     """Return the mean of repeats on the first one's clock, and the spread of q, v, a between them."""
     first = runs[0]
-    if len(runs) == 1:
-        return first, np.full(3, np.nan)
-    return _mean([first, *(_moved(r, d, first.t) for r, d in zip(runs[1:], delays[1:], strict=True))])
-
-
-def _moved(run: Motion3, delay: float, t: Floats) -> Motion3:
-    """Return a run at the stamps of the first one."""
-    x = np.stack([run.q, run.v, run.a, run.sd_q, run.sd_v, run.sd_a], axis=1)
-    return Motion3(t, *at_stamps(t + delay, run.t, x, bridged=1.5).T)
+    each = [first]
+    for run, delay in zip(runs[1:], delays[1:], strict=True):
+        x = np.stack([run.q, run.v, run.a, run.sd_q, run.sd_v, run.sd_a], axis=1)
+        each.append(Motion3(first.t, *at_stamps(first.t + delay, run.t, x, bridged=1.5).T))
+    return _mean(each)
 
 
 def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats:
@@ -85,7 +80,9 @@ def at_stamps(t: Floats, source: Floats, x: Floats, *, bridged: float) -> Floats
 
 
 def _mean(each: Sequence[Motion3]) -> tuple[Motion3, Floats]:
-    """Return the mean of motions on one clock where all are known."""
+    """Return the mean of motions on one clock where all are known, and their spread; one alone is itself."""
+    if len(each) == 1:
+        return each[0], np.full(3, np.nan)
     t = each[0].t
     known = np.all([m.known for m in each], axis=0)
     if known.sum() < 20:

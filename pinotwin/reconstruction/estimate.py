@@ -12,14 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import bind
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
 from pinotwin.imu.filters import group_delay
 from pinotwin.imu.noise import rest
-from pinotwin.imu.result import predict_readings
+from pinotwin.imu.predict import RunModel
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.log import Log
+from pinotwin.logs.channels import usable
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
@@ -30,7 +32,6 @@ from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import (
     Piece,
     Settings,
-    bound,
     imu_link,
     needed,
     passive_joint,
@@ -75,7 +76,7 @@ def reconstruct_vibration(
     s = settings or Settings()
     tell = report or (lambda stage, done: None)
     joint = passive_joint(machine, s.joint)
-    servo = [bound(machine, log) for log in as_logs(servo_logs)]
+    servo = [usable(machine, bind(log, machine.columns)) for log in as_logs(servo_logs)]
     if not servo:
         raise DataError("no log given; give at least one servo and one IMU log")
     groups = [as_logs(logs) for logs in (imu_logs, imu2_logs) if logs is not None]
@@ -210,19 +211,16 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
     """Return gyro (left, rigid, noise) and accelerometer (left, rigid, noise)."""
     shared = other.batch.shared
     own, place = replace(prior, gravity=shared("gravity")[0]), shared("position")[0]
-    none = 0.0 * mine.found.t
-    still = replace(mine.found, angle=none, velocity=none, acceleration=none)
-    predicted = [
-        predict_readings(mine.piece.run, theirs.imu, found, other.batch.R_ST, place, theirs.found.clock, own)
-        for found in (mine.found, still)
-    ]
-    at, t = theirs.found.clock.to_ref(theirs.imu.t), mine.piece.run.t
-    inside = np.isfinite(at) & (at > t[0] + 0.02) & (at < t[-1] - 0.02)  # the stamps of a prediction
+    # IMUs fitted to one encoder agree by construction; one predicts another's signals only if the deflection is right.
+    model = RunModel(mine.piece.run, theirs.imu, own, theirs.found.clock.to_ref(theirs.imu.t))
+    f = mine.found
+    found = np.stack([f.angle, f.velocity, f.acceleration], axis=1)
+    predicted = [model.readings(f.t, x, other.batch.R_ST, place) for x in (found, 0.0 * found)]
     rate = 1.0 / float(np.median(np.diff(theirs.imu.t)))
     quiet = rest(theirs.imu.gyr, theirs.imu.acc, rate)
     out = []
     for k, y in enumerate((theirs.imu.gyr, theirs.imu.acc)):
-        out += [_left(y[inside], p[k]) for p in predicted]
+        out += [_left(model.read[:, 3 * k : 3 * k + 3], p[k]) for p in predicted]
         out.append(_noise(y, quiet))
     return out
 

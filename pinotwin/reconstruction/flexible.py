@@ -80,22 +80,13 @@ def identify_flexible(
     twin = identify(machine, joined, **{"loop": False, "consistent": False, **options})
     joint = next(iter(machine.passive))
     k, c = (twin.parameter(f"{joint}.spring.{n}") for n in "kc")
-    row = twin.quality["springs"][joint]
-    found = Flexible(twin, k, c, row["residual"], row["load"])
-    return _with_mode_errors(found, [v for v in given if isinstance(v, Vibration)])
-
-
-def _with_mode_errors(found: Flexible, vibrations: Sequence[Vibration]) -> Flexible:
-    """Return the same with the reconstruction's own uncertainty of the mode: k ~ wn², c ~ zeta wn."""
-    if not vibrations:
-        return found
-    relative = []
-    for v in vibrations:
+    relative = []  # the reconstruction's own uncertainty of the mode: k ~ wn², c ~ zeta wn
+    for v in (v for v in given if isinstance(v, Vibration)):
         (f, f_se), (zeta, zeta_se) = v.frequency, v.damping
         relative.append((2.0 * f_se / f, float(np.hypot(f_se / f, zeta_se / zeta))))
-    share = np.sqrt(np.mean(np.square(relative), axis=0) / len(relative))
-    k, c = (
-        replace(x, error=float(np.hypot(x.error, x.value * s)))
-        for x, s in zip((found.stiffness, found.damping), share, strict=True)
-    )
-    return replace(found, stiffness=k, damping=c)
+    if relative:
+        of_k, of_c = np.sqrt(np.mean(np.square(relative), axis=0) / len(relative))
+        k = replace(k, error=float(np.hypot(k.error, k.value * of_k)))
+        c = replace(c, error=float(np.hypot(c.error, c.value * of_c)))
+    row = twin.quality["springs"][joint]
+    return Flexible(twin, k, c, row["residual"], row["load"])

@@ -10,30 +10,25 @@ from pinotwin.errors import DataError
 from pinotwin.imu.clock import best_lag
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.signals import rms
 
 
 def delay(machine: Machine, reference: Log, other: Log, same: float = 0.02) -> float:
     """Return the time that passes in ``other`` before it shows what ``reference`` shows [s], both bound logs."""
     (ta, a), (tb, b) = _positions(machine, reference), _positions(machine, other)
     step = float(np.median(np.diff(ta)))
-    grids = [np.arange(t[0], t[-1], step) for t in (ta, tb)]
-    speed = [
-        np.linalg.norm(CubicSpline(t, x)(g, 1), axis=1)
-        for g, t, x in zip(grids, (ta, tb), (a, b), strict=True)
-    ]
-    lag, _ = best_lag(*speed)
+    grid, early, late = np.arange(ta[0], ta[-1], step), CubicSpline(ta, a), CubicSpline(tb, b)
+    speeds = early(grid, 1), late(np.arange(tb[0], tb[-1], step), 1)
+    lag, _ = best_lag(*(np.linalg.norm(v, axis=1) for v in speeds))
     shift = float(tb[0] - ta[0] - lag * step)
-    late, early = CubicSpline(tb, b), CubicSpline(ta, a)
-    for _ in range(6):
-        t = grids[0][(grids[0] + shift > tb[0]) & (grids[0] + shift < tb[-1])]
-        if len(t) < 0.5 * len(grids[0]):
+    for _ in range(7):
+        t = grid[(grid + shift > tb[0]) & (grid + shift < tb[-1])]
+        if len(t) < 0.5 * len(grid):
+            gap = np.inf
             break
         e, slope = early(t) - late(t + shift), late(t + shift, 1)
+        gap = rms(e)
         shift += float(np.clip(np.sum(slope * e) / np.sum(slope**2), -0.01, 0.01))
-    t = grids[0][(grids[0] + shift > tb[0]) & (grids[0] + shift < tb[-1])]
-    gap = np.inf
-    if len(t) >= 0.5 * len(grids[0]):
-        gap = float(np.sqrt(np.mean((early(t) - late(t + shift)) ** 2)))
     if gap > same:
         raise DataError(
             f"{other.source} is not a repeat of {reference.source} (their commands differ by "

@@ -20,14 +20,13 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin import dynamics
 from pinotwin.arrays import Floats, Ints
-from pinotwin.columns import bind
 from pinotwin.dynamics import jacobian, mass_matrix
 from pinotwin.errors import DataError, MachineError, require
 from pinotwin.imu.filters import group_delay
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import Priors, ServoRun
 from pinotwin.log import Log
-from pinotwin.logs.channels import joint_positions, usable
+from pinotwin.logs.channels import joint_positions
 from pinotwin.machine import Machine
 from pinotwin.signals import low_pass
 from pinotwin.system.kernels import compiled
@@ -123,11 +122,6 @@ class Piece:
     t: Floats  # their stamps [s], (k,)
     joints: Joints  # the same stretch on a uniform clock
     run: ServoRun  # what the batch estimate takes of it
-
-
-def bound(machine: Machine, log: Log) -> Log:
-    """Return the log in SI and in the names of the contract; infinite values count as missing."""
-    return usable(machine, bind(log, machine.columns))
 
 
 def pieces(

@@ -22,7 +22,7 @@ from pinotwin.machine import Machine
 from pinotwin.report import closed_loop_plots as plots
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
-from pinotwin.report.display import DEGREES, Scale, percent, scale_of
+from pinotwin.report.display import DEGREES, SI, Scale, percent, scale_of
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import wide_loops
 from pinotwin.simulation.score import compare, measured
@@ -83,16 +83,21 @@ def score_table(twin: Twin, log: Log, predicted: Log) -> Html:
     columns: dict[str, Column] = {
         "of RMS": lambda axis, signal, row: display.percent(row["nrmse"]),
         "of standard deviation": lambda axis, signal, row: display.percent(row["nrmse_std"]),
-        "loop alone, held out": lambda axis, signal, row: _held_out(twin.quality, axis, signal),
+        # with the disturbance taken from the measured motion
+        "loop alone, held out": lambda axis, s, row: share(held_out_error(twin, axis, s, "loops")),
     }
     return scores_table(twin.machine, scores, columns, mean)
 
 
-def _held_out(quality: Mapping[str, Any], axis: str, signal: str) -> str:
-    """Return the loop's own held-out error, with the disturbance taken from the measured motion."""
-    loops = quality.get("loops") or {}
-    value = ((loops.get(axis) or {}).get("held_out") or {}).get(signal)
-    return "–" if value is None else display.percent(float(value))
+def held_out_error(twin: Twin, axis: str, signal: str, kind: str) -> float | None:
+    """Return the held-out error of an axis' loop, of ``loops`` or ``servos``, over its RMS [-]."""
+    row: Mapping[str, Any] = (twin.quality.get(kind) or {}).get(axis) or {}
+    return (row.get("held_out") or {}).get(signal)
+
+
+def share(x: float | None) -> str:
+    """Return a share [-] in per cent; a dash where it is not known."""
+    return "–" if x is None or x != x else percent(x)
 
 
 def structure_blocks(twin: Twin) -> list[Block]:
@@ -132,26 +137,19 @@ def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Ht
     """Return gains and lags of the controllers, 90 % intervals, and sums and products of what is known only so."""
     rows: list[list[object]] = []
     for axis, servo in servos.items():
-        told, determined = servo.intervals(), servo.determined()
+        told, determined, service = servo.intervals(), servo.determined(), servo.service()
         gains = ("ffv",) if servo.form == "pid" else ("kp", "rate")  # what a combination is made of
         known = all(determined.get(name, True) for name in gains)
         both = {} if known else {k: x for k, x in servo.combined().items() if k in told}
-        for name, value in {**servo.named(), **both}.items():
-            factor, unit = (1e3, "ms") if name in SHAPES else (1.0, "")
-            low, high = (factor * x for x in told.get(name, (value, value)))
-            between = f"{low:.4g} to {high:.4g}" if high > low else ""
-            first = all(row[0] != axis for row in rows)
-            shown = f"{factor * value:.4g} {unit}".strip()
+        numbers = {name: (x, *told.get(name, (x, x))) for name, x in {**servo.named(), **both}.items()}
+        numbers |= {name: service[name] for name in ("Kv", "reset time", LOST) if name in service}
+        for k, (name, number) in enumerate(numbers.items()):
+            scale = _UNITS.get(name, SI) if name != LOST else scale_of("e", axis in rotary, number[0])
+            value, low, high = (scale.factor * x for x in number)
+            shown = f"{value:.4g} {scale.unit}".strip() if math.isfinite(value) else "no following error"
+            between = "" if low == high or math.isnan(low) else f"{low:.4g} to {high:.4g}"
             remark = _remark(servo, name, determined)
-            rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
-        for name in ("Kv", "reset time", LOST):
-            if name in (service := servo.service()):
-                value, low, high = service[name]
-                scale = display.scale_of("e", axis in rotary, value) if name == LOST else _UNITS[name]
-                value, low, high = (scale.factor * x for x in (value, low, high))
-                shown = f"{value:.4g} {scale.unit}" if math.isfinite(value) else "no following error"
-                between = "" if math.isnan(low) else f"{low:.4g} to {high:.4g}"
-                rows.append(["", name, shown, between, ""])
+            rows.append(["" if k else axis, _SERVO.get(name, name), shown, between, remark])
     return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
 
 
@@ -163,7 +161,7 @@ def _remark(servo: Servo, name: str, determined: Mapping[str, bool]) -> Html:
     return chip("not determined", "fair", "its interval is wider than a tenth of it on either side")
 
 
-_UNITS = {"Kv": Scale(1.0, "1/s"), "reset time": Scale(1.0, "s")}
+_UNITS = {"Kv": Scale(1.0, "1/s"), "reset time": Scale(1.0, "s"), **dict.fromkeys(SHAPES, Scale(1e3, "ms"))}
 _SERVO = {
     "kp": "position gain kp",
     "kv": "velocity gain kv",

@@ -16,7 +16,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Page, chip, table
-from pinotwin.report.closed_loop import Column, Scores, scores_table, servo_table
+from pinotwin.report.closed_loop import Column, Scores, held_out_error, scores_table, servo_table, share
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.signals import rms
@@ -77,17 +77,13 @@ def grade_of(error: float, expected: float | None) -> str:
 
 def expected_error(twin: Twin, axis: str, signal: str, form: str) -> float | None:
     """Return the error on held-out rows over their RMS, the larger of the whole simulation's and this loop's."""
-    kind = "servos" if form == "coupled" else "loops"
-    row: Mapping[str, Any] = (twin.quality.get(kind) or {}).get(axis) or {}
+    own = held_out_error(twin, axis, signal, "servos" if form == "coupled" else "loops")
     whole: Mapping[str, Any] = (twin.quality.get("simulation") or {}).get("held_out") or {}
-    known = [(row.get("held_out") or {}).get(signal), whole.get(form)]
+    known = [own, whole.get(form)]
     return max((float(x) for x in known if x is not None), default=None)
 
 
 def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], str], form: str) -> Html:
-    def share(x: float | None) -> str:
-        return "–" if x is None or x != x else display.percent(x)
-
     columns: dict[str, Column] = {
         "of the RMS": lambda axis, s, row: share(row["nrmse"]),
         "at rest": lambda axis, s, row: share(row["resting"]),

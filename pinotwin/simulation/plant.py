@@ -9,7 +9,7 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameter_count
-from pinotwin.dynamics.tape import Tape, record
+from pinotwin.dynamics.tape import record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
 from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
@@ -21,13 +21,12 @@ from pinotwin.twin.open_loop import OpenLoop
 class Plant:
     """What the generalised disturbance is made of; loads on springs get states from the coupled machine alone."""
 
-    tape: Tape  # rigid body
+    parts: Parts  # the rigid body, and M_D, C and K
+    start: Floats  # values of its tape before a step
     tables: Lookup  # effects that are functions of position or of speed and direction
     other: tuple[tuple[Effect, Floats], ...]  # effects that are neither, nor a load on a spring
     modes: tuple[tuple[int, float, float, float], ...]  # joint, inertia share, f [Hz], damping ratio of loads
-    diagonal: Floats  # M_D, C and K, shape (3, nv)
     limit: Floats  # largest tracking error that is still believed, shape (nv,)
-    ground: Floats  # M_D of the passive joints that count from the ground, shape (nv,)
 
     def substeps(self, sampling: float, step: float, shortest: float = 1e-5) -> int:
         """Return the internal steps a sample, none longer than ``step`` or shorter than ``shortest`` [s].
@@ -35,7 +34,7 @@ class Plant:
         Stable for (slope of friction over speed) h / M < 1 and, for presliding, h sqrt(stiffness / M) well below 2.
         """
         longest = min(step, sampling)
-        tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
+        tables, M = self.tables, np.maximum(self.parts.inertia, 1e-12)
         for k, j in enumerate(tables.directions[:, 0]):
             slope = max(float(np.abs(tables.dry[k]).max()) * tables.slope[k], 1e-12)
             longest = min(longest, max(0.3 * M[j] / slope, shortest))
@@ -44,17 +43,9 @@ class Plant:
             longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), shortest))
         return int(np.ceil(sampling / longest - 1e-9))
 
-    def arrays(self) -> tuple[Parts, Lookup]:
-        """Return what the kernels take."""
-        tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
-        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, M, C, K, self.ground)
-        return parts, self.tables
-
     def state(self, **rooms: int) -> State:
         """Return a machine at rest at zero; see :func:`pinotwin.simulation.state.at_rest`."""
-        t = np.zeros(self.tape.size)
-        t[: len(self.tape.start)] = self.tape.start
-        return at_rest(self.tables, t, **rooms)
+        return at_rest(self.tables, self.start.copy(), **rooms)
 
     def hanging(self, h: float) -> Modes:
         """Return the loads on springs at the internal step h [s], exact for an acceleration a that is held within it.
@@ -86,11 +77,13 @@ def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
         for effect, theta in plant.pairs
         if (mode := effect.mode()) is not None
     )
-    terms = ("inertia", "viscous", "stiffness")
-    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in terms])
-    ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
+    M, C, K = (np.array(plant.diagonal[k], dtype=float) for k in ("inertia", "viscous", "stiffness"))
+    ground = np.array(plant.diagonal.get("ground", M), dtype=float)
     tree, where = rigid_body_of(plant.effects)
     pi = np.zeros(parameter_count(machine.model))
     pi[tree.base.independent] = plant.theta[where]  # see :mod:`pinotwin.dynamics.tape`
     tape = record(machine.model, pi, tables.coupled)
-    return Plant(tape, tables.lookup, other, modes, diagonal, margin, ground)
+    parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, M, C, K, ground)
+    start = np.zeros(tape.size)
+    start[: len(tape.start)] = tape.start
+    return Plant(parts, start, tables.lookup, other, modes, margin)

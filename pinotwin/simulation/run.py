@@ -318,9 +318,9 @@ class _Run:
 def _loops(run: _Run, command: Command, begun: Command, out: Record) -> tuple[int, int]:
     """Simulate identified transfer functions, the nonlinear disturbance fed back."""
     blocks = lay_blocks(run.twin.machine, run.closed, run.twin.diagonal, command.step / command.substeps)
-    state, arrays = run.plant.state(blocks=len(blocks.A)), run.plant.arrays()
-    kernel.settle(*arrays, blocks, begun, state)
-    row, joint = kernel.run(*arrays, blocks, command, state, out)
+    state, given = run.plant.state(blocks=len(blocks.A)), (run.plant.parts, run.plant.tables, blocks)
+    kernel.settle(*given, begun, state)
+    row, joint = kernel.run(*given, command, state, out)
     return row, joint
 
 
@@ -337,7 +337,7 @@ def _coupled(run: _Run, command: Command, begun: Command, out: Record) -> tuple[
     ]
     laws = law_rows([run.closed.get(name) for name in machine.names], h)
     modes = run.plant.hanging(h)
-    given = (*run.plant.arrays(), np.array(kinds), laws, modes)
+    given = (run.plant.parts, run.plant.tables, np.array(kinds), laws, modes)
     late = int(laws["whole"].max(initial=0.0)) + 2
     state = run.plant.state(late=late, modes=len(modes.joint))
     coupled_kernel.settle(*given, begun, state)

@@ -20,9 +20,7 @@ def bounded(
     """Return theta of R (k, p) and z (k,) in bounds, near ``start``, and which are active, each of shape (p,)."""
     if (lower > upper).any():
         raise DataError("a lower bound lies above its upper bound")
-    length = np.linalg.norm(R, axis=0)
-    unit = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), rank.scale)
-    hold = rank.null.T / rank.scale
+    unit, hold = rank.unit, rank.null.T / rank.unit
     A = np.concatenate([R, weak * hold]) * unit
     b = np.concatenate([z, weak * (hold @ start)])
     low, high = lower / unit, upper / unit

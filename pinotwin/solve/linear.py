@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,14 +24,6 @@ from pinotwin.solve.result import LinearFit
 
 
 @dataclass(frozen=True)
-class Prior:
-    """What is believed before the data; of several equally good theta the nearest to it, in ``std``, is taken."""
-
-    mean: Floats  # shape (p,)
-    std: Floats | None = None  # how far off each may be, shape (p,); None takes the inverse column length
-
-
-@dataclass(frozen=True)
 class Options:
     """How :func:`linear` solves.
 
@@ -40,8 +31,10 @@ class Options:
     coefficients hang together, but neither makes one count as determined.
     """
 
-    prior: Prior | None = None  # see :class:`Prior`; None is zero
-    ridge: Floats | None = None  # how near the prior mean it is believed, shape (p,), inf for none
+    prior: Floats | None = (
+        None  # of several equally good theta the nearest to it is taken, (p,); None is zero
+    )
+    ridge: Floats | None = None  # how near the prior it is believed, shape (p,), inf for none
     belief: Floats | None = None  # rows B, shape (k, p): B theta is believed to be zero, give or take a sigma
     alike: Floats | None = None  # rows of the data that tell as much as one of B's, shape (k,)
     lower: Floats | None = None  # bounds on theta, shape (p,); None for none
@@ -51,18 +44,18 @@ class Options:
     tolerance: float = 1e-9  # smallest relative pivot of the scaled columns that counts as seen
     inference: Inference = "blocks"  # see :mod:`pinotwin.solve.covariance`
 
+    def bounds(self, p: int) -> tuple[Floats, Floats]:
+        """Return the smallest and the largest values of p coefficients, shape (p,) each."""
+        return _or(self.lower, -np.inf, p), _or(self.upper, np.inf, p)
+
     def by_coefficient(self, change: Callable[[Floats, float], Floats]) -> Options:
         """Return the same for other coefficients: each array (p,) changed, given what stands for none in it."""
-        none = {"ridge": np.inf, "lower": -np.inf, "upper": np.inf}
-        rows = None if self.belief is None else np.array([change(row, 0.0) for row in self.belief])
-        given = {name: getattr(self, name) for name in none}
-        prior = self.prior
-        if prior is not None:
-            prior = Prior(change(prior.mean, 0.0), None if prior.std is None else change(prior.std, np.inf))
-        changed: dict[str, Any] = {
-            name: None if x is None else change(x, none[name]) for name, x in given.items()
-        }
-        return replace(self, prior=prior, belief=rows, **changed)
+        none = {"prior": 0.0, "ridge": np.inf, "lower": -np.inf, "upper": np.inf}
+        given = {name: x for name in none if (x := getattr(self, name)) is not None}
+        changed: dict[str, Any] = {name: change(x, none[name]) for name, x in given.items()}
+        if self.belief is not None:
+            changed["belief"] = np.array([change(row, 0.0) for row in self.belief])
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True)
@@ -94,14 +87,6 @@ class Solution:
         """R and z with the rows of the ridge, of which theta is the least squares within the bounds."""
         return _with_ridge(self.factor, self.right, self.options)
 
-    @cached_property
-    def seen(self) -> Rank:
-        """What the data determine without the ridge."""
-        if self.options.ridge is None and self.options.belief is None:
-            return self.rank
-        prior = self.options.prior
-        return analyse(self.factor, self.options.tolerance, None if prior is None else prior.std)
-
 
 def reduce(problem: Problem, axes: Sequence[int] | None = None) -> Reduced:
     """Return the factors of a problem's axes, or of some others too, of which it may have no rows."""
@@ -127,7 +112,8 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
     """Fit a linear problem; DataError for fewer rows than parameters."""
     options = options or Options()
     found = solve(reduce(problem), options)
-    seen, (factor, right) = found.seen, found.held
+    plain, (factor, right) = options.ridge is None and options.belief is None, found.held
+    seen = found.rank if plain else analyse(found.factor, options.tolerance)  # without the ridge
     if len(problem.y) <= seen.rank:
         raise DataError(
             f"{len(problem.y)} rows for {problem.parameters} parameters leave nothing to judge the "
@@ -136,7 +122,7 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
     error = problem.y - problem.W @ found.theta
     covariance, dof = spread(problem, found.sigma, error, found.rank.root, options.inference)
     believed = spread_of_belief(found.rank.root, options)
-    p = problem.parameters
+    lower, upper = options.bounds(problem.parameters)
     return LinearFit(
         problem=problem,
         theta=found.theta,
@@ -149,8 +135,8 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
         unexcited=seen.unexcited,
         groups=seen.groups,
         active=found.active,
-        lower=_or(options.lower, -np.inf, p),
-        upper=_or(options.upper, np.inf, p),
+        lower=lower,
+        upper=upper,
         factor=factor,
         right=right,
     )
@@ -180,15 +166,13 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     """Return theta for given noise levels."""
     whole = reduced.triangle(sigma)
     R, z, p = whole[:-1, :-1], whole[:-1, -1], len(whole) - 1
-    prior = options.prior
-    mean = np.zeros(p) if prior is None else np.asarray(prior.mean, float)
-    std = None if prior is None else prior.std
+    mean = _or(options.prior, 0.0, p)
     A, b = _with_ridge(R, z, options)
-    rank = analyse(A, options.tolerance, std)
+    rank = analyse(A, options.tolerance)
     theta = mean + rank.nearest(rank.root @ (rank.root.T @ (A.T @ (b - A @ mean))))
     theta += rank.root @ (rank.root.T @ (A.T @ (b - A @ theta)))
     active = np.zeros(p, bool)
-    lower, upper = _or(options.lower, -np.inf, p), _or(options.upper, np.inf, p)
+    lower, upper = options.bounds(p)
     if ((theta < lower) | (theta > upper)).any():
         theta, active = bounded(A, b, lower, upper, mean, rank)
     return Solution(theta, sigma, rank, active, R, z, options)
@@ -203,7 +187,7 @@ def _with_ridge(R: Floats, z: Floats, options: Options) -> tuple[Floats, Floats]
     weak = np.flatnonzero(np.isfinite(options.ridge))
     extra = np.zeros((len(weak), R.shape[1]))
     extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
-    mean = 0.0 if options.prior is None else options.prior.mean[weak]
+    mean = 0.0 if options.prior is None else options.prior[weak]
     return np.concatenate([R, extra]), np.concatenate([z, mean / options.ridge[weak]])
 
 
@@ -235,5 +219,5 @@ def _levels(reduced: Reduced, found: Solution) -> Floats:
     return np.maximum(out, floor)
 
 
-def _or(bound: Floats | None, default: float, p: int) -> Floats:
-    return np.full(p, default) if bound is None else np.asarray(bound, float)
+def _or(given: Floats | None, default: float, p: int) -> Floats:
+    return np.full(p, default) if given is None else np.asarray(given, float)

@@ -10,7 +10,7 @@ together. The covariance comes from the full Jacobian, so that the shapes' uncer
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -58,12 +58,6 @@ class _Search:
         self.options = options
         self.projection = Projection.of(problem, moving)
         self.names = (*problem.names, *(name for m in moving for name in m.names))
-        p = len(self.names)
-        self.limits = Limits(
-            np.full(p, -np.inf) if options.lower is None else options.lower,
-            np.full(p, np.inf) if options.upper is None else options.upper,
-            options.tolerance,
-        )
         middle = [np.array([g[len(g) // 2] for g in m.grids]) for m in moving]
         self.x = [moving[b].search(known[b]) if b in known else x for b, x in enumerate(middle)]
         self.unknown = [b for b in range(len(moving)) if b not in known]
@@ -134,7 +128,7 @@ class _Search:
         high = np.concatenate([m.bounds[1] for m in self.moving])
 
         def polished() -> Callable[..., End]:
-            return partial(polish, VariableProjection(self.projection, self.sigma, self.limits), (low, high))
+            return partial(polish, VariableProjection(self.projection, self.sigma, self.options), (low, high))
 
         first, *rivals = self.starts()
         best = polished()(first)
@@ -198,15 +192,6 @@ GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40  # Most evaluations of the first and of bo
 CLOSE = 1e-9  # Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`."""
-
-    lower: Floats  # shape (p,)
-    upper: Floats  # shape (p,)
-    tolerance: float  # smallest relative pivot that counts as seen
-
-
 class VariableProjection:
     """Residual and Jacobian of the variable projection as functions of the search coordinates.
 
@@ -214,11 +199,12 @@ class VariableProjection:
     doi:10.1007/BF01932995; Golub & Pereyra 2003, doi:10.1088/0266-5611/19/2/201).
     """
 
-    def __init__(self, projection: Projection, sigma: Floats, limits: Limits) -> None:
-        """Prepare for given noise levels of the axes; limits are those of fixed coefficients first."""
+    def __init__(self, projection: Projection, sigma: Floats, options: Options) -> None:
+        """Prepare for given noise levels of the axes; bounds are those of fixed coefficients first."""
         self._projection = projection
         self._sigma = sigma
-        self._limits = limits
+        self._tolerance = options.tolerance
+        self._bounds = options.bounds(projection.width - 1)
         self._linear = np.delete(np.arange(projection.width), projection.fixed)
         self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
         self.evaluate = Remembered(self._evaluate)
@@ -246,13 +232,13 @@ class VariableProjection:
         length = np.linalg.norm(W, axis=0)
         unit = 1.0 / np.where(length > 0, length, 1.0)
         # gelsy: pivoted QR, several times faster than singular values where tables make p large
-        options = {"cond": self._limits.tolerance, "lapack_driver": "gelsy", "check_finite": False}
+        options = {"cond": self._tolerance, "lapack_driver": "gelsy", "check_finite": False}
         theta = unit * scipy.linalg.lstsq(W * unit, y, **options)[0]
         free = np.ones(len(theta), bool)
-        outside = (theta < self._limits.lower) | (theta > self._limits.upper)
-        if outside.any():
-            rank = analyse(r_factor(W), self._limits.tolerance)
-            theta, active = bounded(W, y, self._limits.lower, self._limits.upper, np.zeros_like(theta), rank)
+        lower, upper = self._bounds
+        if ((theta < lower) | (theta > upper)).any():
+            rank = analyse(r_factor(W), self._tolerance)
+            theta, active = bounded(W, y, lower, upper, np.zeros_like(theta), rank)
             free = ~active
         return theta, free
 

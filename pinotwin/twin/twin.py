@@ -90,7 +90,7 @@ class Twin(OpenLoop, Drawn):
             return self.predict(motion, v, a, t=t)
         if isinstance(motion, np.ndarray) or v is not None or a is not None:
             raise InputError("effort: positions alone are no motion; give effort(q, v, a), a Motion or a log")
-        return super().effort(self._prepared(motion))
+        return super().effort(motion if isinstance(motion, Motion) else self.motion(motion))
 
     def predict(self, q: Any, v: Any, a: Any, *, t: Any = None) -> Floats:
         """Return the motor effort for positions, velocities and accelerations: the inverse model, nothing filtered.
@@ -139,11 +139,8 @@ class Twin(OpenLoop, Drawn):
 
         Rows are those of ``twin.motion(log)``; NaN where no effort is measured.
         """
-        motion = self._prepared(log)
+        motion = log if isinstance(log, Motion) else self.motion(log)
         return np.asarray(motion.u - super().effort(motion))
-
-    def _prepared(self, log: Any) -> Motion:
-        return log if isinstance(log, Motion) else self.motion(log)
 
     def simulate(self, log: LogLike, **options: Any) -> Prediction:
         """Return position, error and effort that the command of a log will produce.

@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.days.healthy import Shapes, healthy_day
 from pinotwin.diagnosis.days.reference import EQUATIONS, Reference
-from pinotwin.diagnosis.days.score import Cells
+from pinotwin.diagnosis.days.score import Cells, padded
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
 
@@ -51,8 +51,9 @@ def cells(
             for on in (counts == 1.0, (counts > 0.0) & (counts < 1.0)):
                 parts += _summed(x, on, s.cell, k, w.spread, lost)
         if parts:
-            gram, rows, log, fold, constant = map(np.array, zip(*parts, strict=True))
-            out[equation] = Cells(gram, rows, log, fold, constant, days[0][equation].shape[1], at)
+            each, *rest = zip(*parts, strict=True)
+            rows, log, fold, constant = map(np.array, rest)
+            out[equation] = Cells(padded(each), rows, log, fold, constant, days[0][equation].shape[1], at)
     return out
 
 
@@ -72,7 +73,7 @@ def _beside(
 
 
 _Cell = tuple[Floats, float, int, int, float]
-"""Gram matrix, independent rows, log, fold, and what is added to the log density [nats]."""
+"""Rows, how many of them are independent, log, fold, and what is added to the log density [nats]."""
 
 
 def _summed(x: Floats, on: Mask, cell: Ints, log: int, spread: float, lost: float | None) -> Iterator[_Cell]:
@@ -85,4 +86,4 @@ def _summed(x: Floats, on: Mask, cell: Ints, log: int, spread: float, lost: floa
         if count >= 0.5:
             silent, own = 0.0 if lost is None else (b - a) / spread, x[a:b][rows]
             fold = (int(cell[a]) + log) % SETTINGS.folds
-            yield own.T @ own, max(count - silent, 0.0), log, fold, -silent * (lost or 0.0)
+            yield own, max(count - silent, 0.0), log, fold, -silent * (lost or 0.0)

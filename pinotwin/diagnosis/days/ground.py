@@ -18,7 +18,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison, by_days, thinned_model, within
 from pinotwin.diagnosis.data.samples import Sample, sample
-from pinotwin.diagnosis.days.score import Cells, density, errors, score, squared
+from pinotwin.diagnosis.days.score import Cells, density, errors, padded, score, squared
 from pinotwin.diagnosis.days.whitening import _spread
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import EFFECTS, Effect
@@ -99,11 +99,10 @@ class Part:
         sigma, spread = noise
         own = np.column_stack([self.twin * USUAL.wide * sigma, self.day])
         X = np.column_stack([np.zeros(len(self.left)), own, columns, self.left]) / (sigma * np.sqrt(spread))
-        gram = np.array([X[a:b].T @ X[a:b] for a, b in pairwise(self.edges)])
-        day, nothing = own.shape[1], np.zeros(len(gram), dtype=np.intp)
+        x, rows = padded([X[a:b] for a, b in pairwise(self.edges)]), np.diff(self.edges) / spread
+        day, nothing = own.shape[1], np.zeros(len(rows), dtype=np.intp)
         at = {"cause": 1 + day + np.arange(columns.shape[1])}
-        rows = np.diff(self.edges) / spread
-        return Cells(gram, rows, nothing, self.fold, np.zeros(len(gram)), day, at)
+        return Cells(x, rows, nothing, self.fold, 0.0 * rows, day, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,8 +352,7 @@ class Ground:
         p, none = self.parts[j][1], np.zeros((len(self.parts[j][1].left), len(theta)))
         cells = p.cells(self.noise[j], tables[1].get(j, none) if len(tables) > 1 else none)
         x = np.r_[0.0, day, -theta, 1.0]
-        left = np.maximum(np.einsum("i,cij,j->c", x, cells.gram, x), 0.0)
-        return density(left, cells.rows)
+        return density(np.sum(np.tensordot(x, cells.x, 1) ** 2, axis=1), cells.rows)
 
     def explains(self, effects: Sequence[Effect], block: int = 32) -> list[float]:
         """Return about what each effect explains [1], by some rows; -1 if it cannot be. So many share a product."""
@@ -482,7 +480,8 @@ def _explained(effect: Effect, N: Floats, right: Floats) -> float:
 
 def _least(c: Cells) -> float:
     """Return what the best numbers leave of all cells, weighed alike."""
-    N = c.gram.sum(axis=0)[1:, 1:]
+    X = c.x.reshape(len(c.x), -1)[1:]
+    N = X @ X.T
     own = N[:-1, :-1] + np.diag(np.r_[np.ones(c.day), np.zeros(len(N) - 1 - c.day)])
     d = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
     x = np.linalg.solve(own * d * d[:, None] + 1e-10 * np.eye(len(own)), N[:-1, -1] * d)

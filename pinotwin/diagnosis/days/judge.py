@@ -89,7 +89,8 @@ def usual(r: Reference, *, search: bool) -> dict[tuple[str, bool, str], float]:
     seen = dict[tuple[str, bool, str], float]()
     for day in sorted({s.log for s in r.logs}):
         logs = [s for s in r.logs if s.log == day]
-        for x in Asked(Question.of(r, logs), search=search).rows(every=True):
+        asked = Asked(Question.of(r, logs), search=search)
+        for x in (*asked.rows(every=True), *recording_rows(asked)):
             if x.score > 0.0:
                 seen[_kind(x)] = max(seen.get(_kind(x), 0.0), _amplitude(x, logs))
     groups = {kind[:2] for kind in seen}

@@ -1,9 +1,9 @@
 """One score for every cause: held-out log density of all that was recorded, less what the healthy day has to be.
 
-Rows are summed into cells, one Gram matrix each over [a zero, columns of a healthy day, columns of causes, residual].
-A cause is then a set of columns; its score takes a millisecond. Cells are Student's t, so that one bad cell decides
-nothing, and vary more where a cause acts whose form is not quite right. Columns of a healthy day have a standard
-normal prior and leave by Schur complement, log by log.
+Rows are gathered in cells, with the columns [a zero, those of a healthy day, those of causes, residual]. A cause is
+then a set of columns, of which each cell tells by its Gram matrix; a score takes a millisecond. Cells are Student's t,
+so that one bad cell decides nothing, and vary more where a cause acts whose form is not quite right. Columns of a
+healthy day have a standard normal prior and leave by Schur complement, log by log.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ class Cells:
     """The evidence of one equation of one axis, cell by cell.
 
     Attributes:
-        gram: shape (c, p, p). rows: independent rows of each cell, shape (c,). log, fold: of each, shape (c,).
+        x: columns on the rows of every cell, over their noise, zeros after its last row, shape (p, c, n).
+        rows: independent ones of each cell, shape (c,). log, fold: of each, shape (c,).
         constant: what is added to the log density of each [nats], shape (c,).
         day: columns of a healthy day, the first after the zero.
         at: cause -> its columns.
     """
 
-    gram: Floats
+    x: Floats
     rows: Floats
     log: Ints
     fold: Ints
@@ -39,6 +40,14 @@ class Cells:
     def columns(self, name: str, count: int) -> Ints:
         """Return the columns of a cause, ``count`` times the zero where it does not act, shape (count,)."""
         return self.at.get(name, np.zeros(count, dtype=np.intp))
+
+
+def padded(cells: Sequence[Floats]) -> Floats:
+    """Return cells, (n, p) each, as one array (p, c, n) with zeros after the last row of each."""
+    out = np.zeros((cells[0].shape[1], len(cells), max(map(len, cells))))
+    for k, x in enumerate(cells):
+        out[:, k, : len(x)] = x.T
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +158,9 @@ def _stacked(views: Sequence[tuple[Cells, Ints, Ints]], count: int) -> tuple[Flo
     gram = np.zeros((len(views), most, day + count + 1, day + count + 1))
     rows, fold, constant = np.zeros((3, len(views), 1, most))
     for k, (c, at, own) in enumerate(views):
-        columns = np.r_[1 : 1 + c.day, np.zeros(day - c.day), at, c.gram.shape[1] - 1].astype(np.intp)
-        flat = c.gram.reshape(len(c.gram), -1)[own[0] : own[-1] + 1]  # those of one log are side by side
-        gram[k, : len(own)] = np.take(flat, columns[:, None] * c.gram.shape[1] + columns, axis=1)
+        columns = np.r_[1 : 1 + c.day, np.zeros(day - c.day), at, len(c.x) - 1].astype(np.intp)
+        x = c.x[columns, own[0] : own[-1] + 1]  # those of one log are side by side
+        gram[k, : len(own)] = x.swapaxes(0, 1) @ x.transpose(1, 2, 0)
         told = np.stack([c.rows, c.fold, c.constant])[:, own]
         rows[k, 0, : len(own)], fold[k, 0, : len(own)], constant[k, 0, : len(own)] = told
     return gram, rows, fold.astype(np.intp), constant

@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Footer, Message, Statistics
 from mcap.stream_reader import StreamReader
 
-from pinotwin.logs.files.content import BROKEN, damaged, limited
+from pinotwin.logs.files.content import BROKEN, limited, undamaged
 
 BROKEN_MCAP = (*BROKEN, McapError, zstandard.ZstdError)
 REMEDY = "recover it with `mcap recover`"
@@ -23,7 +23,7 @@ Stream = BinaryIO | zstandard.ZstdDecompressionReader
 def verify(path: Path, source: str) -> None:
     """Refuse an MCAP file that differs from its checksums, lost messages, or unpacks to more than it may."""
     size, unpacked, messages, stated = path.stat().st_size, 0, 0, None
-    try:
+    with undamaged(source, BROKEN_MCAP, REMEDY):
         with path.open("rb") as file:
             reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size)
             for record in reader.records:
@@ -43,8 +43,6 @@ def verify(path: Path, source: str) -> None:
                     file.seek(-8, 2)
         if stated not in (None, messages):
             raise ValueError(f"{messages} messages of {stated}")
-    except BROKEN_MCAP as error:
-        raise damaged(source, error, REMEDY) from None
 
 
 def _agree(data: bytes, crc: int, what: str) -> None:

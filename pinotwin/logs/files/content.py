@@ -10,7 +10,8 @@ import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,10 +94,16 @@ class Content:
         return np.asarray((x - origin) / np.timedelta64(1, "s"))  # type: ignore[operator]
 
 
-def damaged(source: str, error: Exception, remedy: str = "save or copy it again") -> LogError:
-    """Return the error for a file that its own library cannot read to the end."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-    return LogError(f"{source}: is damaged or cut off ({reason}); {remedy}")
+@contextmanager
+def undamaged(
+    source: str, broken: tuple[type[Exception], ...] = BROKEN, remedy: str = "save or copy it again"
+) -> Iterator[None]:
+    """Raise a LogError for a file that its own library cannot read to the end, which says so by one of ``broken``."""
+    try:
+        yield
+    except broken as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
+        raise LogError(f"{source}: is damaged or cut off ({reason}); {remedy}") from None
 
 
 def held(kind: np.dtype[Any]) -> int:

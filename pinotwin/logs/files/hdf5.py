@@ -6,20 +6,17 @@ from pathlib import Path
 
 import h5py
 
-from pinotwin.logs.files.content import BROKEN, Content, damaged, held, limited
+from pinotwin.logs.files.content import Content, held, limited, undamaged
 
 
 def load(path: Path, source: str) -> Content:
     """Return the data sets of an HDF5 file as ``group.set``; their attribute ``unit`` or ``units`` is their unit."""
     content = Content()
-    try:
-        with h5py.File(path, "r") as file:
-            sets = _sets(file, "", content, set())
-            limited(source, sum((item.size or 0) * held(item.dtype) for _, item in sets), path.stat().st_size)
-            for name, item in sets:
-                _take(name, item, content)
-    except BROKEN as error:
-        raise damaged(source, error) from None
+    with undamaged(source), h5py.File(path, "r") as file:
+        sets = _sets(file, "", content, set())
+        limited(source, sum((item.size or 0) * held(item.dtype) for _, item in sets), path.stat().st_size)
+        for name, item in sets:
+            _take(name, item, content)
     return content
 
 

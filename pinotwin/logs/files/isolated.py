@@ -42,14 +42,6 @@ def load(
     """
     size = path.stat().st_size
     seconds += size / rate
-    said = _read(loader, path, source, seconds, memory + expansion * size)
-    if isinstance(said, Content):
-        return said
-    raise LogError(said)
-
-
-def _read(loader: Loader, path: Path, source: str, seconds: float, memory: int) -> Content | str:
-    """Return what another interpreter read, what it complains of, or why it did not come to its end."""
     words = [sys.executable, "-P", "-m", __name__, loader.__module__, loader.__qualname__, str(path), source]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     end, content = time.monotonic() + seconds, b""
@@ -60,17 +52,19 @@ def _read(loader: Loader, path: Path, source: str, seconds: float, memory: int) 
                     content, _ = job.communicate(timeout=0.05)
                     continue
                 if time.monotonic() > end:
-                    return f"{source}: {_ENDED.format(f'its reader was not done after {seconds:.0f} s')}"
-                if _resident(job.pid) > memory:
-                    return f"{source}: {_TOO_LARGE}"
+                    said = f"its reader was not done after {seconds:.0f} s"
+                    raise LogError(f"{source}: {_ENDED.format(said)}")
+                if _resident(job.pid) > memory + expansion * size:
+                    raise LogError(f"{source}: {_TOO_LARGE}")
         finally:
             job.kill()
-    code = job.returncode
-    if code == 0:
-        read: Content | str = ForkingPickler.loads(content)
-        return read
-    how = signal.Signals(-code).name if code < 0 else f"exit {code}"
-    return f"{source}: {_ENDED.format(f'it ended its reader ({how})')}"
+    if code := job.returncode:
+        how = signal.Signals(-code).name if code < 0 else f"exit {code}"
+        raise LogError(f"{source}: {_ENDED.format(f'it ended its reader ({how})')}")
+    read: Content | str = ForkingPickler.loads(content)
+    if isinstance(read, str):
+        raise LogError(read)
+    return read
 
 
 def _resident(process: int) -> int:

@@ -11,23 +11,21 @@ import numpy as np
 
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import take_messages
-from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.content import Content, undamaged
 from pinotwin.logs.files.messages import Table, numbers, seconds_since, stamp
 
 
 def load(path: Path, source: str) -> Content:
     """Return the signals of a JSON document or of JSON lines."""
     content = Content()
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            first, second = file.readline(), file.readline()
-            file.seek(0)
-            if second.strip() and _is_object(first):
-                _take_rows((json.loads(line) for line in file if line.strip()), "", content)
-                return content
-            value = json.load(file)
-    except (ValueError, RecursionError, OSError) as error:
-        raise damaged(source, error, "write it again") from None
+    broken = ValueError, RecursionError, OSError
+    with undamaged(source, broken, "write it again"), path.open(encoding="utf-8-sig") as file:
+        first, second = file.readline(), file.readline()
+        file.seek(0)
+        if second.strip() and _is_object(first):
+            _take_rows((json.loads(line) for line in file if line.strip()), "", content)
+            return content
+        value = json.load(file)
     if not isinstance(value, dict | list):
         raise LogError(f"{source}: holds a single value; write the signals as lists")
     _take(value, "", content)

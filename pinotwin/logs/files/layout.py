@@ -61,7 +61,7 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
         whole = inspect_layout(text[:first] + _HALVES.sub(rb"\1.\2", text[first:]), stem, source)
         said = "the comma is delimiter and decimal sign: two cells each were joined to a number"
         return replace(whole, notes=(*notes, said, *whole.notes))
-    decimal, thousands = _decimal(cells[start:], delimiter, source)
+    decimal, thousands = _decimal(cells[start:], source)
     header = read_header(cells, start, stem)
     if grammar.names:
         named = distinct(grammar.names)
@@ -210,7 +210,7 @@ def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
     )
 
 
-def _decimal(rows: list[list[str]], delimiter: str, source: str) -> tuple[str, str]:
+def _decimal(rows: list[list[str]], source: str) -> tuple[str, str]:
     """Return the decimal sign and the sign between thousands ("" for none)."""
     cells = [cell for row in rows for cell in row if is_number(cell)]
     commas = [cell for cell in cells if "," in cell]

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
 
-from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, limited, undamaged
 
 _BROKEN = (*BROKEN, MatReadError, UnboundLocalError, zlib.error)  # an UnboundLocalError is scipy's own bug
 
@@ -19,13 +19,10 @@ _BROKEN = (*BROKEN, MatReadError, UnboundLocalError, zlib.error)  # an UnboundLo
 def load(path: Path, source: str) -> Content:
     """Return the variables of a MAT file; fields of a struct get dotted names (``rec.act_pos``)."""
     content = Content()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", MatReadWarning)
-            limited(source, _stated_size(path), path.stat().st_size)
-            stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
-    except _BROKEN as error:
-        raise damaged(source, error) from None
+    quiet = warnings.catch_warnings(action="ignore", category=MatReadWarning)
+    with undamaged(source, _BROKEN), quiet:
+        limited(source, _stated_size(path), path.stat().st_size)
+        stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
     for name, value in stored.items():
         if not str(name).startswith("__") and str(name) != "None":
             _flatten(str(name), value, content)

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from pinotwin.errors import LogError
 from pinotwin.logs.files.checksums import BROKEN_MCAP, REMEDY, verify
 from pinotwin.logs.files.clocks import take_messages
-from pinotwin.logs.files.content import Content, damaged, limited
+from pinotwin.logs.files.content import Content, limited, undamaged
 from pinotwin.logs.files.messages import Table, numbers, seconds_since
 
 ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
@@ -22,25 +22,22 @@ def load(path: Path, source: str) -> Content:
     times: dict[str, list[int]] = {}
     text: set[str] = set()
     verify(path, source)
-    try:
-        with path.open("rb") as file:
-            for _schema, channel, message in make_reader(file).iter_messages():
-                if channel.message_encoding in ROS_ENCODINGS:
-                    break
-                if channel.message_encoding != "json":
-                    raise LogError(
-                        f"{source}: topic {channel.topic!r} is encoded as "
-                        f"{channel.message_encoding!r}; only JSON and ROS messages can be read, "
-                        f"re-encode the topic or export it as CSV"
-                    )
-                table = tables.setdefault(channel.topic, Table(source))
-                limited(source, 8 * len(message.data), path.stat().st_size)  # an object for each few letters
-                table.add(numbers(json.loads(message.data), "", text))
-                times.setdefault(channel.topic, []).append(message.log_time)
-            else:
-                return _content(tables, times, text, source)
-    except BROKEN_MCAP as error:
-        raise damaged(source, error, REMEDY) from None
+    with undamaged(source, BROKEN_MCAP, REMEDY), path.open("rb") as file:
+        for _schema, channel, message in make_reader(file).iter_messages():
+            if channel.message_encoding in ROS_ENCODINGS:
+                break
+            if channel.message_encoding != "json":
+                raise LogError(
+                    f"{source}: topic {channel.topic!r} is encoded as "
+                    f"{channel.message_encoding!r}; only JSON and ROS messages can be read, "
+                    f"re-encode the topic or export it as CSV"
+                )
+            table = tables.setdefault(channel.topic, Table(source))
+            limited(source, 8 * len(message.data), path.stat().st_size)  # an object for each few letters
+            table.add(numbers(json.loads(message.data), "", text))
+            times.setdefault(channel.topic, []).append(message.log_time)
+        else:
+            return _content(tables, times, text, source)
     from pinotwin.logs.files.rosbag import load as load_ros
 
     return load_ros(path, source)

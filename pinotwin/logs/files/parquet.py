@@ -10,13 +10,13 @@ import pyarrow.parquet as pq
 
 from pinotwin.errors import LogError
 from pinotwin.logs.files import arrow
-from pinotwin.logs.files.content import Content, damaged, limited
+from pinotwin.logs.files.content import Content, limited, undamaged
 
 
 def load(path: Path, source: str) -> Content:
     """Return the columns of a Parquet file and their units; lists as ``meta/info.json`` (LeRobot) names them."""
     content = Content(parts=_parts(path))
-    try:
+    with undamaged(source, (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError)):
         meta = pq.read_metadata(path)
         leaves = [meta.schema.column(j) for j in range(meta.num_columns)]
         sizes = [max(1, (leaf.length or 0) // 8) for leaf in leaves]
@@ -27,8 +27,6 @@ def load(path: Path, source: str) -> Content:
         # one text may fill all rows
         texts = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         table = pq.ParquetFile(path, read_dictionary=texts).read()
-    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
-        raise damaged(source, error) from None
     for field in table.schema:
         unit = (field.metadata or {}).get(b"unit")
         if unit:

@@ -34,19 +34,18 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from pinotwin.errors import LogError
 from pinotwin.logs.files.checksums import unpacked, verify, zstd
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
-from pinotwin.logs.files.content import BROKEN, Content, damaged
+from pinotwin.logs.files.content import BROKEN, Content, undamaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
 
 _BROKEN = (
     *(*BROKEN, AssertionError, AnyReaderError, Reader1Error, Reader2Error, SerdeError, TypesysError),
     *(sqlite3.Error, apsw.Error, zstandard.ZstdError),
 )
-_SERVO, _OTHER = "servo", "other"
 
 
 @dataclass
 class _Topic:
-    kind: str  # whether it goes on the clock of the joints
+    servo: bool  # whether it goes on the clock of the joints
     table: Table  # its numbers
     stamps: list[int] = field(default_factory=list)  # of each message's header [ns]; 0 where not set
     logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
@@ -63,7 +62,7 @@ def load(path: Path, source: str) -> Content:
     topics: dict[str, _Topic] = {}
     text: set[str] = set()
     unknown: dict[str, str] = {}
-    try:
+    with undamaged(source, _BROKEN, "repair it with `ros2 bag reindex` or copy it again"):
         if path.is_dir():
             _verify(path, source)
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
@@ -73,8 +72,6 @@ def load(path: Path, source: str) -> Content:
             for connection, logged, raw in reader.messages(connections=known) if known else ():
                 _take(reader.deserialize(raw, connection.msgtype), connection, logged, topics, text)
             lost = list(_lost(known, topics))
-    except _BROKEN as error:
-        raise damaged(source, error, "repair it with `ros2 bag reindex` or copy it again") from None
     if not topics:
         held = ", ".join(f"{t} ({kind})" for t, kind in unknown.items()) or "none"
         raise LogError(f"{source}: holds no messages of numbers (topics: {held}); record /joint_states")
@@ -140,7 +137,7 @@ def _take(
     value = _plain(message)
     joints = joint_names(value)
     servo = bool(joints) or kind in ("Wrench", "WrenchStamped")
-    topic = topics.setdefault(connection.topic, _Topic(_SERVO if servo else _OTHER, Table(connection.topic)))
+    topic = topics.setdefault(connection.topic, _Topic(servo, Table(connection.topic)))
     if joints:
         pairs: Iterator[tuple[str, float]] = joint_signals(value, joints)
     elif servo:
@@ -180,7 +177,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     content.notes.append(f"t: {clock}, in seconds since the first message")
     times = {name: topic.stamps if by_header else topic.logged for name, topic in topics.items()}
     origin = min(min(t) for t in times.values())
-    servo = {name: topic for name, topic in topics.items() if topic.kind == _SERVO}
+    servo = {name: topic for name, topic in topics.items() if topic.servo}
     if servo:
         groups = []
         for name, topic in servo.items():
@@ -193,7 +190,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
         content.clock = "t"
         content.notes += notes
     for name, topic in topics.items():
-        if topic.kind == _OTHER:
+        if not topic.servo:
             prefix = "" if len(topics) == 1 else name.strip("/").replace("/", ".") + "."
             content.arrays[f"{prefix}t"] = seconds_since(origin, times[name])
             content.units[f"{prefix}t"] = "s"

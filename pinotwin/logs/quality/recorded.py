@@ -164,15 +164,11 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
     for name, x in measured.items():
         if name.endswith(".q"):
             stands = _span(x) <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
-            command = measured.get(f"{name}r")
-            rest &= stands if command is None else stands | _slow(command)
+            if f"{name}r" in measured:  # a command at less than a tenth of its top speed
+                pace = _span(measured[f"{name}r"], 5)
+                stands |= pace <= 0.1 * pace.max()
+            rest &= stands
     return rest
-
-
-def _slow(x: Floats) -> Mask:
-    """Return where a command goes at less than a tenth of its top speed."""
-    pace = _span(x, 5)
-    return np.asarray(pace <= 0.1 * pace.max())
 
 
 def _span(x: Floats, rows: int = 21) -> Floats:
