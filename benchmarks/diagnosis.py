@@ -84,7 +84,7 @@ def five() -> tuple[Any, list[Any], list[Any] | None]:
 
 CASES = {
     "arm": Case("one diagnosis, 7-axis robot, 25 s at 250 Hz [s]", 10.0, 5.0, arm),
-    "five": Case("one diagnosis, five axes, 24 s at 500 Hz, two repeats [s]", 30.0, 15.0, five),
+    "five": Case("one diagnosis, five axes, 24 s at 500 Hz, two repeats [s]", 25.0, 12.0, five),
 }
 
 

@@ -154,7 +154,7 @@ def test_whatever_is_named_for_what_nobody_knows_counts_against_the_confidence()
 
 
 def test_shrink_promised_and_delivered():
-    def shrunk(delivered, promised, interval, own=None, **more):
+    def shrunk(delivered, promised, interval, **more):
         return made(
             named=(STRIBECK,),
             shrink={
@@ -163,7 +163,6 @@ def test_shrink_promised_and_delivered():
                 "promised": promised,
                 "interval": interval,
                 "on": "validation",
-                "promised_interval": own,
             },
             **more,
         )
@@ -172,7 +171,7 @@ def test_shrink_promised_and_delivered():
         [
             shrunk(0.9, 0.95, [0.8, 0.96]),
             shrunk(0.8, 0.99, [0.7, 0.9]),
-            shrunk(0.97, 0.97, [0.9, 1.0], own=[0.98, 1.0]),
+            shrunk(0.97, 0.97, [0.98, 1.0]),
             shrunk(0.2, 0.3, [0.1, 0.4], rho=0.2),
         ]
     )

@@ -41,6 +41,11 @@ def test_a_load_is_one_body_though_the_feed_forward_follows(folder: Path, twin: 
     found = _diagnosed(folder, twin, load)
     assert [e.effect for e in found.effects] == ["payload"]
     assert found.effects[0].theta["m"] == pytest.approx(load, rel=0.1)
+    # The logs in question promise a share, the validation log tells it.
+    (first,) = found.effects
+    for shrink in (*first.acts.values(), *first.shrink.values()):
+        assert shrink.on == "validation"
+        assert 0.0 < abs(shrink.promised - shrink.share) < 0.25
 
 
 def test_without_the_feed_forward_the_law_keeps_more(

@@ -166,7 +166,8 @@ def test_what_cannot_be_simulated_says_so_in_one_line(name, monkeypatch):
     assert "\n" not in str(caught.value)
 
 
-def test_friction_says_from_which_speed_it_has_turned() -> None:
-    assert EFFECTS["coulomb"]("X").turned(rotary=False) == pytest.approx(2e-3)
-    assert EFFECTS["stribeck"]("X", width=0.03).turned(rotary=True) == pytest.approx(0.06)
-    assert EFFECTS["viscous"]("X").turned(rotary=True) == 0.0
+def test_low_speed_friction_fades_no_sooner_than_its_direction_has_turned() -> None:
+    made = [
+        EFFECTS["stribeck"]("X", rotary=x, **width) for x in (False, True) for width in ({}, {"width": 0.03})
+    ]
+    assert [e.shapes()[0].lower for e in made] == pytest.approx([2e-3, 0.06, 2e-2, 0.06])

@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_803,
+    lines: 54_668,
     module_numbers: 103,
     numbers_without_unit: 291,
     stories: 5,

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.logs.effort_alone import late_by
+from pinotwin.logs.prepare import prepare
 from pinotwin.logs.quality.recorded import recorded_findings
+from pinotwin.logs.settings import Settings
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 KINDS = {
@@ -107,6 +110,18 @@ def test_a_late_command_is_named_with_its_rows(rows):
     )
     said = [f.message for f in found.findings if f.code == "command_late"]
     assert [f"({rows} rows)" in text for text in said] == [True]
+
+
+def test_a_later_command_that_fits_hardly_better_is_no_late_one():
+    """The law of the controller is known in part: noise on the effort, and a command that is half a row late."""
+    log, rng = _log(3), np.random.default_rng(2)
+    shift, rows = 0.5, np.arange(len(log))
+    noise = 0.3 * np.std(log["A.u"]) * rng.normal(size=len(log))
+    late = {"A.qr": np.interp(rows - shift, rows, log["A.qr"]), "A.u": log["A.u"] + noise}
+    machine = pt.Machine.load("trunnion")
+    motion = prepare(machine, log.with_channels({**{k: log[k] for k in log.channels}, **late}))
+    plain, strict = Settings(lead_gain=0.0), Settings()
+    assert (late_by(motion, 1, plain), late_by(motion, 1, strict)) == (1, 0)
 
 
 def test_a_log_of_a_fifth_of_a_second_is_refused():

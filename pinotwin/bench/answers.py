@@ -31,8 +31,7 @@ class Answer:
     named: tuple[tuple[str, str | None, float], ...] = ()  # (effect, axis, confidence), best first
     stated: tuple[Key, ...] = ()  # (effect, axis) of the stated 90 % set of the first one
     confusable: tuple[tuple[str, ...], ...] = ()  # groups called inseparable, as axis.effect
-    # of the first one, or None: delivered share, its 90 % interval, promised share, and the promise's own
-    # interval where it has one
+    # of the first one, or None: delivered share, its 90 % interval, promised share
     shrink: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)  # stage -> time it took [s]
     oracle: float | None = None  # of the weakest effect, over the least asked for; see bench.oracle
@@ -134,12 +133,10 @@ def _shrink(found: Diagnosis) -> dict[str, Any] | None:
     of = found.effects[0].shrink
     signal = "u" if "u" in of else next(iter(of))
     x = of[signal]
-    own = getattr(x, "promised_interval", None)
     return {
         "signal": signal,
         "delivered": float(x.share),
         "interval": [float(v) for v in x.interval],
         "promised": float(x.promised),
         "on": x.on,
-        "promised_interval": None if own is None else [float(v) for v in own],
     }

@@ -57,20 +57,16 @@ def listing(name: str) -> Mapping[str, tuple[Any, ...]]:
 def is_listed(name: str, effect: str, axis: str) -> bool:
     """Whether the listing of an axis covers an effect, under its own name or another."""
     covers = COVERED_BY.get(effect, ())
-    items = [(item_name(i), settings(i)) for i in listing(name)[axis]]
+    items = map(_named, listing(name)[axis])
     if effect == "stribeck":
         return any(n == "stribeck" or (n == "presliding" and s.get("stribeck", 1)) for n, s in items)
     return any(n in covers for n, _ in items)
 
 
-def item_name(item: Any) -> str:
-    """Return the effect's name of an item of a listing."""
-    return str(item) if isinstance(item, str) else str(next(iter(item)))
-
-
-def settings(item: Any) -> Mapping[str, Any]:
-    """Return the settings of an item of a listing."""
-    return {} if isinstance(item, str) else (next(iter(item.values())) or {})
+def _named(item: Any) -> tuple[str, Mapping[str, Any]]:
+    """Return the effect's name and the settings of an item of a listing."""
+    name, given = (item, None) if isinstance(item, str) else next(iter(item.items()))
+    return name, given or {}
 
 
 def without(items: Sequence[Any], effect: str) -> list[Any]:
@@ -78,13 +74,13 @@ def without(items: Sequence[Any], effect: str) -> list[Any]:
     covers = COVERED_BY.get(effect, ())
     out: list[Any] = []
     for item in items:
-        name = item_name(item)
+        name, settings = _named(item)
         if name not in covers:
             out.append(item)
         elif name == "presliding" and effect == "stribeck":
-            out.append({"presliding": {**settings(item), "stribeck": 0}})
+            out.append({"presliding": {**settings, "stribeck": 0}})
         elif name == "presliding" and effect in ("presliding", "gms"):
-            out += ["coulomb", "stribeck"] if settings(item).get("stribeck", 1) else ["coulomb"]
+            out += ["coulomb", "stribeck"] if settings.get("stribeck", 1) else ["coulomb"]
     return out
 
 

@@ -248,8 +248,6 @@ def _shrink(a: Answer, what: str) -> float:
 
 
 def _covers(a: Answer) -> bool:
-    """Whether promise and delivery meet: the promise's own interval if it has one, else delivery's."""
-    x = a.shrink or {}
-    own = x.get("promised_interval")
-    low, high = own or x["interval"]
-    return bool(low <= (x["delivered"] if own else x["promised"]) <= high)
+    """Whether the promise lies within the interval of what was delivered."""
+    low, high = (a.shrink or {})["interval"]
+    return bool(low <= _shrink(a, "promised") <= high)

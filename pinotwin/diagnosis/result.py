@@ -91,9 +91,6 @@ class Shrink:
     interval: tuple[float, float]  # 90 % interval of that share, which it holds
     promised: float  # the share that the fit itself promised
     on: str  # ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds)
-    # within which another log's share is promised to lie (90 %): the range of the shares of single blocks that
-    # were not fitted. None where there are too few
-    promised_interval: tuple[float, float] | None = None
     # whose residual it is: of a body on a link the axis that it moves most. None for the effect's own
     axis: str | None = None
 
@@ -354,15 +351,12 @@ def _effect(e: Found) -> dict[str, Any]:
     sizes = [{"interval90" if k == "interval" else k: v for k, v in vars(x).items()} for x in e.size]
     own = {k: v for k, v in vars(e).items() if k != "listed"}
     acts = {axis: _shrink(x) for axis, x in e.acts.items()}
-    return {**own, "size": sizes[0] if sizes else None, "sizes": sizes, "shrink": _shrinks(e), "acts": acts}
-
-
-def _shrinks(e: Found) -> dict[str, Any]:
-    out: dict[str, Any] = {s: _shrink(x) for s, x in e.shrink.items()}
     on = {x.on for x in e.shrink.values()}
-    return {**out, "on": on.pop() if len(on) == 1 else "held-out blocks"}
+    shrink: dict[str, Any] = {s: _shrink(x) for s, x in e.shrink.items()}
+    shrink["on"] = on.pop() if len(on) == 1 else "held-out blocks"
+    return {**own, "size": sizes[0] if sizes else None, "sizes": sizes, "shrink": shrink, "acts": acts}
 
 
 def _shrink(x: Shrink) -> dict[str, Any]:
-    row = {k: v for k, v in vars(x).items() if k not in ("interval", "promised_interval", "on")}
-    return {**row, "interval90": x.interval, "promised_interval": x.promised_interval}
+    row = {k: v for k, v in vars(x).items() if k not in ("interval", "on")}
+    return {**row, "interval90": x.interval, "promised_interval": None}  # a key of the file: none is known

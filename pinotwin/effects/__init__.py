@@ -1,4 +1,4 @@
-"""The effects that pinotwin knows, one family a file, and the table of their names.
+"""The effects that pinotwin knows, one family a file, and the table of their names, ``EFFECTS``.
 
 How an effect is written and used: :mod:`pinotwin.effects.effect`.
 """
@@ -14,42 +14,26 @@ from pinotwin.effects.family import FAMILIES as FAMILIES
 from pinotwin.effects.family import Family as Family
 from pinotwin.effects.friction import Coulomb as Coulomb
 from pinotwin.effects.friction import CoulombAsymmetric as CoulombAsymmetric
-from pinotwin.effects.friction import LoadFriction as LoadFriction
-from pinotwin.effects.friction import QuadraticDrag as QuadraticDrag
 from pinotwin.effects.friction import Stribeck as Stribeck
 from pinotwin.effects.friction import Viscous as Viscous
 from pinotwin.effects.friction import ViscousAsymmetric as ViscousAsymmetric
-from pinotwin.effects.friction import ViscousThermal as ViscousThermal
-from pinotwin.effects.hysteresis import Hysteresis as Hysteresis
 from pinotwin.effects.known import EFFECTS as EFFECTS
 from pinotwin.effects.known import LISTED as LISTED
 from pinotwin.effects.known import check_effect as check_effect
 from pinotwin.effects.known import effect_name as effect_name
 from pinotwin.effects.known import given as given
 from pinotwin.effects.known import known as known
-from pinotwin.effects.load import ExternalForce as ExternalForce
-from pinotwin.effects.load import GeometricError as GeometricError
-from pinotwin.effects.load import Payload as Payload
 from pinotwin.effects.position import Offset as Offset
 from pinotwin.effects.position import PositionTable as PositionTable
 from pinotwin.effects.position import Spring as Spring
 from pinotwin.effects.presliding import Presliding as Presliding
 from pinotwin.effects.rigid_body import InertialCoupling as InertialCoupling
 from pinotwin.effects.rigid_body import RigidBody as RigidBody
-from pinotwin.effects.rigid_body import WristCoupling as WristCoupling
 from pinotwin.effects.ripple import Ripple as Ripple
 from pinotwin.effects.ripple import RippleModulated as RippleModulated
 from pinotwin.effects.scene import needs_model as needs_model
 from pinotwin.effects.scene import total_effort as total_effort
 from pinotwin.effects.scene import with_model as with_model
 from pinotwin.effects.scene import with_model_effort as with_model_effort
-from pinotwin.effects.sensing import Delay as Delay
-from pinotwin.effects.sensing import EffortScale as EffortScale
-from pinotwin.effects.sensing import EncoderError as EncoderError
-from pinotwin.effects.servo import Feedforward as Feedforward
-from pinotwin.effects.servo import LoopGain as LoopGain
-from pinotwin.effects.servo import Saturation as Saturation
-from pinotwin.effects.transmission import Backlash as Backlash
-from pinotwin.effects.transmission import DriveFlexibility as DriveFlexibility
 from pinotwin.effects.transmission import JointFlexibility as JointFlexibility
 from pinotwin.effects.tree import Tree as Tree

@@ -264,10 +264,6 @@ class Effect(abc.ABC):
         """Whether coefficients, shape (p,), and shapes can belong to one such effect; bounds are judged apart."""
         return True
 
-    def turned(self, rotary: bool) -> float:
-        """Return the speed from which its dry friction has turned round with the motion [m/s or rad/s]; 0 for none."""
-        return 0.0
-
     def includes(self, name: str) -> bool:
         """Whether an effect of this name is this one, or a special case of it as it is set."""
         return name == self.name or name in self.contains

@@ -80,10 +80,6 @@ class Turning(Friction):
         """Return the effect; in one direction alone it is an offset."""
         return (self,) if sight.both_ways else ()
 
-    def turned(self, rotary: bool) -> float:
-        """Return two widths, from one direction to the other [m/s or rad/s]."""
-        return 2.0 * self._width(rotary)
-
     def _width(self, rotary: bool) -> float:
         return default_width(rotary) if self.width is None else self.width
 
@@ -189,7 +185,7 @@ class Stribeck(Turning, AxisEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return v_s, from twice the width over which the direction turns: below it s would grow without limit."""
         least, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
-        low = max(least, self.turned(self.rotary))
+        low = max(least, 2.0 * self._width(self.rotary))
         return (Shape("v_s", self.unit("x/s"), low, high),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:

@@ -22,7 +22,6 @@ class Sight:
     reversals: int  # changes of direction
     step: float  # sampling interval of the log [s]
     rate: float  # rows a second that are fitted [Hz]
-    duration: float  # of the longest unbroken stretch [s]
     cutoff: float  # corner of the low-pass that the log went through [Hz]
     noises: float = 20.0  # standard deviations of the noise that a travel must have to be motion
     slow: float = 0.05  # of the top speed; rows below it are slow ones
@@ -41,7 +40,6 @@ class Sight:
             reversals=int(np.count_nonzero(np.diff(side))),
             step=motion.step,
             rate=1.0 / (motion.step * max(motion.decimation, 1)),
-            duration=motion.step * max((s.stop - s.start for s in motion.segments), default=0),
             cutoff=motion.cutoff,
         )
 

@@ -220,7 +220,8 @@ def late_by(motion: Motion, j: int, settings: Settings, most: int = 40_000) -> i
     gain = np.log(left[reach] / np.maximum(left[best], 1e-300))
     error = float(np.std(gain)) / np.sqrt(len(gain))
     foretold = left[best].sum() < settings.poor * float(np.var(motion.u[rows, j])) * len(rows)
-    sure = foretold and lags[best] > 0 and gain.mean() > settings.sure * error
+    worth = left[best].sum() < (1.0 - settings.lead_gain) * left[reach].sum()
+    sure = foretold and worth and lags[best] > 0 and gain.mean() > settings.sure * error
     if not sure:
         return 0
     turn = 0.003, 0.01, 0.03, 0.1  # of the top speed, over which friction turns

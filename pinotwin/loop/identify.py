@@ -164,11 +164,8 @@ def _linearised(projection: Projection, theta: Floats) -> tuple[list[Floats], li
     phi = rows[:, columns.phi]
     for k, c in enumerate(misfit.residues):
         ties = projection.layout.ties(sections, k, projection.scales.gains(k))
-        slopes = np.zeros((len(rows), len(theta)))
-        for i, pairs in enumerate(columns.slopes):
-            slopes[:, i] = rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
         tangent = phi @ np.concatenate([ties.moves(c), ties.particular()[1]], axis=1)
-        tangent[:, : len(theta)] += slopes
+        tangent[:, : len(theta)] += columns.moved(rows, c)
         both = np.column_stack([tangent, rows[:, columns.output + k] - phi @ c])
         projection.clear_free(discrete, sections, both)
         tangents.append(both[:, :-1])

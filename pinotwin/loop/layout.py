@@ -125,14 +125,15 @@ class Layout:
         allowed = np.ones(self.residues, dtype=bool)
         allowed[self.states :] = self.structure.passes(output)
         ties = [
-            self._channel(sections, j, self._form(output, j), scale[j]) for j in range(self.disturbances + 1)
+            self._channel(sections, j, self.form(output, j), scale[j]) for j in range(self.disturbances + 1)
         ]
         N = np.concatenate([t[0] for t in ties], axis=1)
         dN = np.concatenate([t[2] for t in ties], axis=2)
         N[~allowed], dN[:, ~allowed] = 0.0, 0.0
         return Ties(allowed, N, np.concatenate([t[1] for t in ties]), dN)
 
-    def _form(self, output: int, index: int) -> Channel:
+    def form(self, output: int, index: int) -> Channel:
+        """Return the form of the transfer function from an input to an output."""
         if index < self.disturbances:
             return self.structure.disturbance(output, index)
         return self.structure.command(output)

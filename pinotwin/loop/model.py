@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
@@ -99,13 +99,26 @@ class LoopModel:
     @property
     def poles(self) -> Floats:
         """All poles, feed-forward included [rad/s], complex, shape (order,)."""
-        return np.concatenate([np.roots(_factor(s)) for s in self.sections])
+        return np.concatenate([np.roots(_polynomials(s)[0]) for s in self.sections])
 
     def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
         """Return numerator and denominator, highest power of s first, with the zeros that the structure demands."""
         require(output, self.outputs, f"{self.axis}: no output", DataError)
         require(input, self.inputs, f"{self.axis}: no input", DataError)
-        return _fraction(self, self.outputs.index(output), self.inputs.index(input))
+        row, index, layout = self.outputs.index(output), self.inputs.index(input), self.layout
+        slots = [slot for slot in layout.slots if slot.input == index]
+        parts = [_polynomials(self.sections[slot.section]) for slot in slots]
+        den = _product(factor for factor, _ in parts)
+        num = np.zeros(1)
+        for i, slot in enumerate(slots):
+            rest = _product(factor for j, (factor, _) in enumerate(parts) if j != i)
+            for state, own in enumerate(parts[i][1]):
+                part = self.residues[row, slot.at + state] * np.polymul(own, rest)
+                num = np.asarray(np.polyadd(num, part), dtype=np.float64)
+        if index == layout.disturbances:
+            direct = np.array([self.residues[row, -1], self.residues[row, -2]])
+            num = np.asarray(np.polyadd(num, np.polymul(direct, den)), dtype=np.float64)
+        return _as_demanded(layout, row, index, num, den), den
 
     def transfer(self, output: str, input: str) -> control.TransferFunction:
         """Return the transfer function from ``input`` to ``output`` as a python-control system."""
@@ -252,57 +265,23 @@ class LoopModel:
         return tuple(rows)
 
 
-def _factor(section: Section) -> Floats:
-    """Return the section's factor of the characteristic polynomial, highest power first."""
+def _polynomials(section: Section) -> tuple[Floats, tuple[Floats, ...]]:
+    """Return a section's factor of the characteristic polynomial, highest power first, and its states' numerators."""
     if section.order == 1:
-        return np.array([1.0, section.values[0]])
+        p = section.values[0]
+        return np.array([1.0, p]), (np.array([p]),)
     wn, zeta = section.values
-    return np.array([1.0, 2.0 * zeta * wn, wn * wn])
+    return np.array([1.0, 2.0 * zeta * wn, wn * wn]), (np.array([wn * wn]), np.array([wn, 0.0]))
 
 
-def _state_numerators(section: Section) -> tuple[Floats, ...]:
-    """Return the numerator of every state over the section's factor."""
-    if section.order == 1:
-        return (np.array([section.values[0]]),)
-    wn = section.values[0]
-    return np.array([wn * wn]), np.array([wn, 0.0])
+def _product(factors: Iterable[Floats]) -> Floats:
+    return reduce(np.convolve, factors, np.ones(1))
 
 
-def _product(sections: Sequence[Section]) -> Floats:
-    """Return the product of the sections' factors."""
-    den = np.array([1.0])
-    for section in sections:
-        den = np.polymul(den, _factor(section))
-    return den
-
-
-def _fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]:
-    """Return numerator and denominator of one transfer function."""
-    layout = model.layout
-    slots = [slot for slot in layout.slots if slot.input == index]
-    sections = [model.sections[slot.section] for slot in slots]
-    den = _product(sections)
-    num = np.zeros(1)
-    for i, slot in enumerate(slots):
-        rest = _product([other for j, other in enumerate(sections) if j != i])
-        for state, own in enumerate(_state_numerators(sections[i])):
-            part = model.residues[output, slot.at + state] * np.polymul(own, rest)
-            num = np.asarray(np.polyadd(num, part), dtype=np.float64)
-    command = index == layout.disturbances
-    if command:
-        direct = np.array([model.residues[output, -1], model.residues[output, -2]])
-        num = np.asarray(np.polyadd(num, np.polymul(direct, den)), dtype=np.float64)
-    return _as_demanded(model, output, index, num, den), den
-
-
-def _as_demanded(model: LoopModel, output: int, index: int, num: Floats, den: Floats) -> Floats:
+def _as_demanded(layout: Layout, output: int, index: int, num: Floats, den: Floats) -> Floats:
     """Return the numerator with the coefficients that the structure fixes set exactly."""
-    command = index == len(model.disturbances)
-    structure = model.structure
-    form = structure.command(output) if command else structure.disturbance(output, index)
-    improper = 0
-    if command:
-        improper = 2 if structure.passes(output)[1] else int(structure.passes(output)[0])
+    command, form = index == layout.disturbances, layout.form(output, index)
+    improper = sum(layout.structure.passes(output)) if command else 0
     length = len(den) - form.degree if not improper else len(den) + improper - 1
     exact = np.zeros(length)
     tail = num[-length:]

@@ -103,16 +103,37 @@ class Projection:
         sections = self.layout.shaped(theta)
         discrete = discretise(sections, self.step)
         rows, free = self._reduced(sections, discrete)
-        reduced = _Reduced(self.layout, self.columns, rows, free)
-        parts = [
-            reduced.solve(self.layout.ties(sections, k, self.scales.gains(k)), k)
-            for k in range(self.layout.outputs)
-        ]
-        return Misfit(
-            np.concatenate([p[0] for p in parts]),
-            np.concatenate([p[1] for p in parts]),
-            np.stack([p[2] for p in parts]),
-        )
+        ties = [self.layout.ties(sections, k, self.scales.gains(k)) for k in range(self.layout.outputs)]
+        parts = [self._solved(rows, free, own, k) for k, own in enumerate(ties)]
+        residuals, jacobians, residues = zip(*parts, strict=True)
+        return Misfit(np.concatenate(residuals), np.concatenate(jacobians), np.stack(residues))
+
+    def _solved(
+        self, rows: Floats, free: Sequence[_Free], ties: Ties, output: int
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return residual, Jacobian and residues of one output, in triangular coordinates."""
+        particular, Z = ties.particular()
+        phi, y = rows[:, self.columns.phi], rows[:, self.columns.output + output]
+        target = y - phi @ particular
+        U, sizes, V = np.linalg.svd(phi @ Z, full_matrices=False)
+        good = sizes > 1e-11 * sizes.max(initial=1e-300)
+        U = U[:, good]
+        inside = U.T @ target
+        c = particular + Z @ (V[good].T @ (inside / sizes[good]))
+        residual = target - U @ inside
+        slopes = self._slopes(rows, free, c, output) + phi @ ties.moves(c)
+        return residual, -(slopes - U @ (U.T @ slopes)), c
+
+    def _slopes(self, rows: Floats, free: Sequence[_Free], c: Floats, output: int) -> Floats:
+        """Return dPhi c + dF f per parameter, shape (rows, np)."""
+        out = self.columns.moved(rows, c)
+        for segment in free:
+            along = segment.upper
+            f = segment.solve @ (along[:, self.columns.output + output] - along[:, self.columns.phi] @ c)
+            part = slice(segment.row, segment.row + len(segment.slopes))
+            for i, pairs in enumerate(self.columns.free_slopes):
+                out[part, i] += segment.slopes[:, pairs[:, 0]] @ f[pairs[:, 1]]
+        return out
 
     def clear_free(self, discrete: Discrete, sections: Sequence[Section], columns: Floats) -> None:
         """Take the free responses of the segments out of full-length columns, shape (rows, k), in place."""
@@ -139,14 +160,17 @@ class Projection:
         tail = np.ones(len(self.blocks), dtype=bool)
         rows: list[Floats] = []
         free: list[_Free] = []
+        nf = sum(section.order for section in sections)
+        nd = nf + sum(section.order**2 for section in sections)
         for a, b in zip(starts, stops, strict=True):
             stop = min(b, a + head)
             tail[a:stop] = False
             both = np.concatenate([response[: stop - a], wide[a:stop]], axis=1)
             both[-1, :, self.blocks[stop - 1, 1] - self.blocks[stop - 1, 0] :] = 0.0
-            lower, found = without_free(triangle(both), self.layout)
-            free.append(_Free(sum(map(len, rows)), *found))
-            rows.append(lower)
+            R = triangle(both)  # the factor of [F, dF, rest]
+            inverse = np.asarray(np.linalg.pinv(R[:nf, :nf], rcond=1e-11), dtype=np.float64)
+            free.append(_Free(sum(map(len, rows)), inverse, R[:nf, nd:], R[nf:, nf:nd]))
+            rows.append(R[nf:, nd:])
         rows.append(triangle(wide[tail]))
         return np.concatenate(rows), free
 
@@ -179,39 +203,11 @@ class _Columns:
         free = zip(range(len(orders)), ends[0] - orders**2, ends[1] - orders, strict=True)
         self.free_slopes = _pairs(layout, free)
 
-
-class _Reduced:
-    """The problem in triangular coordinates, one output at a time."""
-
-    def __init__(self, layout: Layout, columns: _Columns, rows: Floats, free: list[_Free]) -> None:
-        self.layout, self.columns, self.rows, self.free = layout, columns, rows, free
-        self.phi = rows[:, columns.phi]
-
-    def solve(self, ties: Ties, output: int) -> tuple[Floats, Floats, Floats]:
-        """Return residual, Jacobian and residues of one output."""
-        particular, Z = ties.particular()
-        y = self.rows[:, self.columns.output + output]
-        target = y - self.phi @ particular
-        U, sizes, V = np.linalg.svd(self.phi @ Z, full_matrices=False)
-        good = sizes > 1e-11 * sizes.max(initial=1e-300)
-        U = U[:, good]
-        inside = U.T @ target
-        c = particular + Z @ (V[good].T @ (inside / sizes[good]))
-        residual = target - U @ inside
-        slopes = self._slopes(c, y, output) + self.phi @ ties.moves(c)
-        return residual, -(slopes - U @ (U.T @ slopes)), c
-
-    def _slopes(self, c: Floats, y: Floats, output: int) -> Floats:
-        """Return dPhi c + dF f per parameter, shape (rows, np)."""
-        out = np.zeros((len(y), len(self.layout.parameters)))
-        for i, pairs in enumerate(self.columns.slopes):
-            out[:, i] = self.rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
-        for segment in self.free:
-            along = segment.upper
-            f = segment.solve @ (along[:, self.columns.output + output] - along[:, self.columns.phi] @ c)
-            part = slice(segment.row, segment.row + len(segment.slopes))
-            for i, pairs in enumerate(self.columns.free_slopes):
-                out[part, i] += segment.slopes[:, pairs[:, 0]] @ f[pairs[:, 1]]
+    def moved(self, rows: Floats, c: Floats) -> Floats:
+        """Return dPhi c per parameter, shape (rows, np)."""
+        out = np.zeros((len(rows), len(self.slopes)))
+        for i, pairs in enumerate(self.slopes):
+            out[:, i] = rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
         return out
 
 
@@ -270,11 +266,3 @@ def _factor(rows: Floats, panel: int = 8) -> Floats:
     """Return the triangular factor of rows in Fortran order, overwritten; dgeqrf takes three times as long."""
     reflected, *_ = scipy.linalg.lapack.dgeqrt(min(panel, *rows.shape), rows, overwrite_a=True)
     return np.triu(reflected[: rows.shape[1]])
-
-
-def without_free(R: Floats, layout: Layout) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the rows of a segment's head off its free response, and what gives f, from the factor of [F, dF, rest]."""
-    nf = sum(section.order for section in layout.sections)
-    nd = nf + sum(section.order**2 for section in layout.sections)
-    inverse = np.asarray(np.linalg.pinv(R[:nf, :nf], rcond=1e-11), dtype=np.float64)
-    return R[nf:, nd:], (inverse, R[:nf, nd:], R[nf:, nf:nd])

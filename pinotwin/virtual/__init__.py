@@ -6,4 +6,3 @@ own integrator. Only the command line and the tests may import this package.
 
 from pinotwin.trajectories.moves import random_trajectory as random_trajectory
 from pinotwin.virtual.machine import VirtualMachine as VirtualMachine
-from pinotwin.virtual.recording import Recording as Recording

@@ -37,7 +37,6 @@ Bodies = Mapping[str, Body]
 class Dose:
     """How much of an effect, where, and with what scale of the axis."""
 
-    axis: str  # axis name
     size: float  # relative size [-]
     value: float | None  # SI quantity in place of the size, or None
     scale: Scale  # reference sizes of the axis
@@ -246,7 +245,7 @@ def inject_all(
         size, si = float(str(item.get("size", 0.1))), None if value is None else float(str(value))
         for axis in _axes_of(item.get("axis"), truth):
             rng = np.random.default_rng([int(str(item.get("seed", 0))), sum(map(ord, axis))])
-            dose = Dose(axis, size, si, scales[axis], rng, bodies[axis])
+            dose = Dose(size, si, scales[axis], rng, bodies[axis])
             if name in INJECT_MACHINE:
                 truth = INJECT_MACHINE[name](truth, dose)
             else:

@@ -150,9 +150,8 @@ def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) ->
     """Return bias and noise at the stamps, shape (n, 3)."""
     n = len(tau)
     white = rng.normal(size=(4 * n + 400, 3))
-    shaped = low_pass(white, min(triad.cutoff, 1.6 * rate), 0.25 / rate)[400::4]
-    if not np.isfinite(triad.cutoff):
-        shaped = white[400::4]
+    cutoff = min(triad.cutoff, 1.6 * rate) if np.isfinite(triad.cutoff) else np.inf
+    shaped = low_pass(white, cutoff, 0.25 / rate)[400::4]
     noise = triad.noise * shaped / np.std(shaped, axis=0)
     steps = rng.normal(0.0, triad.bias_walk / np.sqrt(rate), (n, 3))
     return triad.bias + np.cumsum(steps, axis=0) + noise

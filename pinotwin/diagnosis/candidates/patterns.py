@@ -5,16 +5,16 @@ An effort that swings in time, a ripple that grows with speed, a curve over spee
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.signal import find_peaks
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Shape
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.ripple import Ripple, RippleModulated
 from pinotwin.motion import AxisMotion
@@ -25,33 +25,21 @@ from pinotwin.signals import joined
 class Pattern(AxisEffect):
     """A pattern; see the module's docstring."""
 
-    family: ClassVar = LOAD
-    depends: ClassVar[Depends] = "velocity"
-    colour: ClassVar[str] = "#9a9a9a"
-    remedy: ClassVar[str] = "look for what follows this pattern on the machine"
-    axis: str
-    rotary: bool = False
+    family = LOAD
+    depends = "velocity"
+    linear = (Coefficient("c0", "F"), Coefficient("c1", "F"))
 
-    def _count(self) -> int:
-        return 2
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        unit = "N·m" if self.rotary else "N"
-        return tuple(Coefficient(f"c{k}", unit) for k in range(self._count()))
-
+    @abc.abstractmethod
     def says(self) -> str:
         """Return what the pattern is, with its numbers."""
-        return f"looks like {self.words}"
 
 
 @dataclass(frozen=True)
 class Hum(Pattern):
     """A swing in time: tau = a sin(2 pi f t) + b cos(2 pi f t)."""
 
-    name: ClassVar[str] = "hum"
-    title: ClassVar[str] = "Swing in time"
-    words: ClassVar[str] = "an effort that swings in time, whatever the axis does"
-    searched: ClassVar[int] = 1
+    name = "hum"
+    searched = 1
     frequency: float = 5.0
 
     def shapes(self) -> tuple[Shape, ...]:
@@ -70,47 +58,46 @@ class Hum(Pattern):
 class SpeedRipple(Pattern):
     """A ripple that grows with speed: tau = |v| (a sin(2 pi q / L) + b cos(2 pi q / L))."""
 
-    name: ClassVar[str] = "speed_ripple"
-    title: ClassVar[str] = "Ripple that grows with speed"
-    words: ClassVar[str] = "a ripple over the position that grows with speed"
-    searched: ClassVar[int] = 1
+    name = "speed_ripple"
+    searched = 1
     pitch: float = 1.0
     low: float = 1e-6
     high: float = 1e3
 
     def shapes(self) -> tuple[Shape, ...]:
-        return (Shape("pitch", "rad" if self.rotary else "m", self.low, self.high),)
+        return (Shape("pitch", self.unit("x"), self.low, self.high),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         phase = 2.0 * np.pi * motion.q / self.pitch
         return np.abs(motion.v)[:, None] * np.stack([np.sin(phase), np.cos(phase)], axis=1)
 
     def says(self) -> str:
-        unit = "rad" if self.rotary else "m"
-        return f"is a ripple of pitch {self.pitch:.4g} {unit} that grows with speed"
+        return f"is a ripple of pitch {self.pitch:.4g} {self.unit('x')} that grows with speed"
 
 
 @dataclass(frozen=True)
 class Curve(Pattern):
     """A free curve: hat functions between knots."""
 
-    searched: ClassVar[int] = 4
+    searched = 4
     knots: tuple[float, ...] = ()
 
-    def _count(self) -> int:
-        return len(self.knots)
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return tuple(Coefficient(f"c{k}", self.unit("F")) for k in range(len(self.knots)))
 
     def _hats(self, x: Floats) -> Floats:
         return np.stack([np.interp(x, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
+
+    def says(self) -> str:
+        return f"looks like {self.words}"
 
 
 @dataclass(frozen=True)
 class SpeedCurve(Curve):
     """A free curve over speed, its own for each direction: hat functions between knots."""
 
-    name: ClassVar[str] = "speed_curve"
-    title: ClassVar[str] = "Curve over speed"
-    words: ClassVar[str] = "a function of speed of a form that no friction law has"
+    name = "speed_curve"
+    words = "a function of speed of a form that no friction law has"
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return self._hats(motion.v)
@@ -120,9 +107,8 @@ class SpeedCurve(Curve):
 class PositionSpeedCurve(Curve):
     """A position-dependent viscosity: v times a free curve over position."""
 
-    name: ClassVar[str] = "position_viscosity"
-    title: ClassVar[str] = "Friction that changes along the stroke"
-    words: ClassVar[str] = "friction that changes along the stroke"
+    name = "position_viscosity"
+    words = "friction that changes along the stroke"
     dry: bool = False
 
     def axis_columns(self, motion: AxisMotion) -> Floats:

@@ -29,7 +29,9 @@ def told(sizes: Sequence[Size]) -> list[Size]:
         pairs = zip(waves[::2], waves[1::2], strict=True)
         return [_amplitude(a, b) for a, b in pairs] + [s for s in sizes if s not in waves]
     if len(sizes) > FEW and len({s.unit for s in sizes}) == 1:
-        return [_extreme(sizes, high=True), _extreme(sizes, high=False)]
+        lowest, *_, highest = sorted(sizes, key=lambda s: s.after)
+        family, ends = lowest.name.partition(".")[0], {"highest": highest, "lowest": lowest}
+        return [replace(s, name=f"{family}.{word} of {len(sizes)} points") for word, s in ends.items()]
     return list(sizes)
 
 
@@ -49,12 +51,6 @@ def _amplitude(a: Size, b: Size) -> Size:
     halves = [(s.interval[1] - s.interval[0]) / 2.0 for s in (a, b)]
     half = math.hypot(a.after * halves[0], b.after * halves[1]) / max(after, 1e-300)
     return Size(f"{family}.{word}", before, after, a.unit, (max(after - half, 0.0), after + half))
-
-
-def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
-    one = sorted(sizes, key=lambda s: s.after)[-1 if high else 0]
-    family = one.name.partition(".")[0]
-    return replace(one, name=f"{family}.{'highest' if high else 'lowest'} of {len(sizes)} points")
 
 
 def name_words(size: Size) -> str:

@@ -255,30 +255,21 @@ def _known(
     own_errors: Mapping[int, Floats],
 ) -> tuple[list[Motion], list[Motion], list[str], list[str]]:
     """Return motions without rows at which the twin does not know its effects, what to say, and axes without others."""
-    words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
-    known = [[_foretold(twin, m, floor, own_errors) for m in part] for part in out]
-    for name, axis in twin.machine.axes.items():
-        j = axis.index
-        left = [int(np.sum(m.use[:, j] & k[:, j])) for m, k in zip(motions, known[0], strict=True)]
-        whole = [int(np.sum(m.use[:, j])) for m in motions]
-        if sum(left) == sum(whole):
-            continue
-        if sum(left) < LEAST * sum(whole):
-            lost.append(name)
-            continue
-        out = [
-            [_used(m, j, k[:, j]) for m, k in zip(part, masks, strict=True)]
-            for part, masks in zip(out, known, strict=True)
-        ]
-        gone = 1.0 - sum(left) / sum(whole)
-        if gone < WORTH:
-            continue
-        words.append(
-            f"{name} moves outside the twin's data: {gone:.0%} of its rows, at "
-            "which the twin is a guess, are not judged; identify it on logs that go there"
-        )
-    return out[0], out[1], words, lost
+    parts = [[(m, _foretold(twin, m, floor, own_errors)) for m in part] for part in (motions, sealed)]
+    whole = np.sum([m.use.sum(axis=0) for m in motions], axis=0)
+    left = np.sum([(m.use & known).sum(axis=0) for m, known in parts[0]], axis=0)
+    cut, gone = (LEAST * whole <= left) & (left < whole), (whole - left) / np.maximum(whole, 1)
+    at = {name: axis.index for name, axis in twin.machine.axes.items()}
+    words = [
+        f"{name} moves outside the twin's data: {gone[j]:.0%} of its rows, at "
+        "which the twin is a guess, are not judged; identify it on logs that go there"
+        for name, j in at.items()
+        if cut[j] and gone[j] >= WORTH
+    ]
+    lost = [name for name, j in at.items() if left[j] < LEAST * whole[j]]
+    asked, judged = ([replace(m, use=m.use & (known | ~cut)) for m, known in part] for part in parts)
+    return asked, judged, words, lost
 
 
 def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], own: Mapping[int, Floats]) -> Mask:
@@ -302,12 +293,6 @@ def _visited(q: Floats, seen: Floats) -> Mask:
     """Return which positions (n,) lie on the travel of others, by a hundredth of it."""
     margin = 0.01 * float(np.ptp(seen))
     return np.asarray((q >= seen.min() - margin) & (q <= seen.max() + margin))
-
-
-def _used(motion: Motion, joint: int, known: Mask) -> Motion:
-    use = motion.use.copy()
-    use[:, joint] &= known
-    return replace(motion, use=use)
 
 
 def _sample(twin: Twin, motion: Motion) -> Sample:
@@ -355,31 +340,22 @@ def within(unseen: Sample, new: Sample, twin: Twin | None = None) -> Sample:
 
     What depends on the place along the travel is known only there, where the twin is as sure as of those logs.
     """
-    inside = {}
+    kept, inside = [], {}
     errors, own = ({}, {}) if twin is None else (_errors(twin, unseen), _errors(twin, new))
-    for j in unseen.joints:
-        if j not in new.joints:
-            continue
-        seen, q = (s.motion.q[s.samples(j), j] for s in (new, unseen))
-        mask = _visited(q, seen)
-        if j in own:
-            mask &= errors[j] <= np.hypot(new.level(j), np.median(own[j]))
-        if mask.any():
-            inside[j] = mask
-    return _kept(unseen, inside)
-
-
-def _kept(s: Sample, keep: Mapping[int, Mask]) -> Sample:
-    """Return a sample with some rows of some joints only."""
-    kept = []
-    for joint, mask in zip(s.rows.joints, s.rows.kept, strict=True):
-        left = mask.copy()
-        if joint in keep:
-            left[np.flatnonzero(mask)[~keep[joint]]] = False
-        kept.append(left)
-    every = {j: keep.get(j, np.ones(len(s.residual[j]), dtype=bool)) for j in s.joints}
-    residual, effort = ({j: x[every[j]] for j, x in each.items()} for each in (s.residual, s.effort))
-    return replace(s, rows=replace(s.rows, kept=tuple(kept)), residual=residual, effort=effort)
+    for j, mask in zip(unseen.rows.joints, unseen.rows.kept, strict=True):
+        inside[j] = np.ones(len(unseen.residual[j]), dtype=bool)
+        if j in new.joints:
+            seen, q = (s.motion.q[s.samples(j), j] for s in (new, unseen))
+            shared = _visited(q, seen)
+            if j in own:
+                shared &= errors[j] <= np.hypot(new.level(j), np.median(own[j]))
+            inside[j] = shared if shared.any() else inside[j]
+        kept.append(mask.copy())
+        kept[-1][mask] = inside[j]
+    residual, effort = (
+        {j: x[inside[j]] for j, x in each.items()} for each in (unseen.residual, unseen.effort)
+    )
+    return replace(unseen, rows=replace(unseen.rows, kept=tuple(kept)), residual=residual, effort=effort)
 
 
 def by_days(c: Comparison, joint: int) -> float:

@@ -93,18 +93,14 @@ class Gate:
 
     @property
     def warnings(self) -> list[str]:
-        """The doubts, what its twin cannot judge, and what is not looked for because of them."""
-        return [*self.doubts, *(f"{x}: not judged, {why}" for x, why in self.unknown.items()), *self.unasked]
-
-    @property
-    def unasked(self) -> list[str]:
-        """What is not looked for, one sentence for the axes that share it."""
+        """The doubts, what its twin cannot judge, and what is not looked for, once for the axes that share it."""
+        out = [*self.doubts, *(f"{x}: not judged, {why}" for x, why in self.unknown.items())]
         same: dict[tuple[str, ...], list[str]] = {}
         for axis, row in self.effects.items():
             if axis in self.nameless:
                 continue
             same.setdefault(tuple(sorted(row)), []).append(axis)
-        out = [
+        out += [
             f"{', '.join(axes)}: not looked for, these logs cannot show it: {', '.join(what)}"
             for what, axes in same.items()
         ]

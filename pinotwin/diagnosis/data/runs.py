@@ -67,9 +67,10 @@ def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Ap
         if len(group) < 2:
             continue
         off = {(a, b): _off(runs[a], runs[b], own) for a in group for b in group if a < b}
+        off |= {(b, a): row for (a, b), row in off.items()}
         least = RULES.runs_change if own is not None else RULES.runs_structure
         first = _reference(group, off, runs, own, least)
-        differ = {k: _pair(off, k, first) for k in group if k != first}
+        differ = {k: off[k, first] for k in group if k != first}
         far = [k for k, row in differ.items() if max(row.values(), default=0.0) > least]
         if far:
             odd += far
@@ -85,20 +86,13 @@ def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Ap
 Off = Mapping[tuple[int, int], Mapping[int, float]]
 
 
-def _pair(off: Off, a: int, b: int) -> Mapping[int, float]:
-    return off[min(a, b), max(a, b)]
-
-
 def _reference(
     group: Sequence[int], off: Off, runs: Sequence[Sample], own: Sample | None, least: float
 ) -> int:
     """Return the run that the others are held against: nearest to the twin where they differ, or to all others."""
     if own is None:
-        return min(
-            group, key=lambda k: sum(max(_pair(off, k, b).values(), default=0.0) for b in group if b != k)
-        )
-    pairs = [row for (a, _), row in off.items() if a in group]
-    differ = {j for row in pairs for j, x in row.items() if x > least and j in own.joints}
+        return min(group, key=lambda k: sum(max(off[k, b].values(), default=0.0) for b in group if b != k))
+    differ = {j for row in off.values() for j, x in row.items() if x > least and j in own.joints}
     return min(group, key=lambda k: sum(runs[k].level(j) / max(own.level(j), 1e-300) for j in differ))
 
 

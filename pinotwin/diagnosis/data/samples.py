@@ -63,10 +63,8 @@ class Sample:
     @cached_property
     def coarse(self) -> Motion:
         """The motion at the thinned instants."""
-        if self.motion.decimation == 1:
-            inside = np.r_[*self.motion.segments]
-            if len(inside) == len(self.motion):
-                return self.motion
+        if self.motion.decimation == 1 and self.motion.inside.all():
+            return self.motion
         return self.motion.at(self.rows.sample, self.rows.block)
 
     def skimmed(self, effect: Effect, finer: Sample) -> tuple[dict[int, Floats], dict[int, Ints]]:

@@ -133,25 +133,32 @@ class Answer:
         return [x for x, signals in pairs if self.judged.unknown or signals & opened]
 
     def _closed(self, axis: str) -> list[tuple[Named, Closed]]:
-        """Return what each cause closes of the effort of an axis beside those before it."""
+        """Return what each cause closes of the effort of an axis beside those before it.
+
+        The logs in question promise it, and those of validation tell it.
+        """
         acting = [x for x in self.named if axis in x.row.acts and "plant" in x.row.acts[axis][0]]
-        told = self.valid is not None and all(x.row.unseen is not None for x in acting)
-        rows = self.valid if told and self.valid is not None else self.new
-        j = self.c.machine.names.index(axis)
-        at = judged_rows(rows.motion, j)
-        left, out = rows.left[at, j], []
+        whole, gained = self._gained(acting, axis, self.new)
+        promised, on = [float(x.sum() / max(float(whole.sum()), 1e-300)) for x in gained], "fitted logs"
+        if self.valid is not None and all(x.row.unseen is not None for x in acting):
+            (whole, gained), on = self._gained(acting, axis, self.valid), "validation"
+        each = zip(acting, gained, promised, strict=True)
+        return [(x, Closed(whole, less, share, on)) for x, less, share in each]
+
+    def _gained(self, acting: Sequence[Named], axis: str, rows: _Rows) -> tuple[Floats, list[Floats]]:
+        """Return the squared residual of every second, (k,) [N² or N²·m²], and what each cause takes off of it."""
+        at, gained = judged_rows(rows.motion, self.c.machine.names.index(axis)), list[Floats]()
+        left = rows.left[at, self.c.machine.names.index(axis)]
         second = np.floor(rows.motion.t[at]).astype(int) + 100_000 * np.searchsorted(
             rows.starts, np.flatnonzero(at), "right"
         )
         _, block = np.unique(second, return_inverse=True)
         whole = np.asarray(np.bincount(block, left**2), dtype=float)
         for x in acting:
-            less = left - rows.course(x.row, axis, unseen=told)[at]
-            gained = np.asarray(np.bincount(block, left**2 - less**2), dtype=float)
-            share = float(gained.sum() / max(float(whole.sum()), 1e-300))
-            out.append((x, Closed(whole, gained, share, "validation" if told else "fitted logs")))
+            less = left - rows.course(x.row, axis, unseen=rows is self.valid)[at]
+            gained.append(np.asarray(np.bincount(block, left**2 - less**2), dtype=float))
             left = less
-        return out
+        return whole, gained
 
     def found(self) -> list[Found]:
         """Return the named causes in the form of the contract, largest first; of several equations one."""

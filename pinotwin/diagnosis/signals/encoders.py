@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.conclusion.explained import drawn
 from pinotwin.diagnosis.conclusion.where import concentrated, regimes
 from pinotwin.diagnosis.data.comparison import Comparison
@@ -49,7 +49,6 @@ class _Twist:
     knots: Floats  # places of the table [m or rad]
     noise: float  # of one row
     step: float  # sampling interval [s]
-    low: float  # lowest position of the load [m or rad]
     travel: float  # of the load [m or rad]
 
     def table(self, names: Sequence[str]) -> Floats:
@@ -124,19 +123,15 @@ def _twist(motion: Motion, joint: int) -> _Twist | None:
     }
     step = motion.step * max(1.0, len(motion) / len(rows))
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
-    blocks, low, travel = blocks_of(len(rows), step), float(x.min()), float(np.ptp(x))
-    return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, low, travel)
+    blocks, travel = blocks_of(len(rows), step), float(np.ptp(x))
+    return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, travel)
 
 
 def _rows(motion: Motion, joint: int) -> Ints:
-    inside: Mask = np.zeros(len(motion), dtype=bool)
-    for s in motion.segments:
-        inside[s] = True
     assert motion.ql is not None
     v = np.abs(motion.v[:, joint])
-    good = inside & np.isfinite(motion.ql[:, joint]) & np.isfinite(motion.u[:, joint])
-    good &= motion.use[:, joint] & (v > SLOWEST * v[inside].max(initial=0.0))
-    rows = np.flatnonzero(good)
+    fast = v > SLOWEST * v[motion.inside].max(initial=0.0)
+    rows = np.flatnonzero(motion.moving(joint) & np.isfinite(motion.ql[:, joint]) & fast)
     return rows[:: max(1, len(rows) // MOST_ROWS)]
 
 
@@ -144,7 +139,6 @@ def _rows(motion: Motion, joint: int) -> Ints:
 class Seen:
     """What the second encoder of one axis says."""
 
-    axis: str  # whose
     gap: Gap  # of its signal
     effects: Sequence[Found]  # causes that it measures
     where: Sequence[Region]  # regions in which the gap lies
@@ -200,7 +194,7 @@ def _seen(c: Comparison, name: str, joint: int, new: _Twist, rng: np.random.Gene
     gap = Gap(before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left))
     cells = regimes(c.new.motion, new.rows, joint) if steps else []
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
-    return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, _notes(name, after, new))
+    return Seen(gap, effects, where, "spring" in steps, "lost" in steps, _notes(name, after, new))
 
 
 def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:

@@ -15,7 +15,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.columns import bind
 from pinotwin.diagnosis.data.comparison import Comparison, by_days
-from pinotwin.diagnosis.result import Gap, Shrink
+from pinotwin.diagnosis.result import Gap, Shrink, shrunk
 from pinotwin.errors import PinotwinError
 from pinotwin.identification.coupled import with_factors
 from pinotwin.log import Log
@@ -39,7 +39,8 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
     asked = [name for name in c.machine.axes if c.gate.asks("tracking", name)]
     if not asked or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return Tracked()
-    logs = list(c.validation) or list(c.logs)
+    # The first log in question promises how far it shrinks, those of validation tell it.
+    logs, told = [c.logs[0], *c.validation] if c.validation else c.logs, slice(bool(c.validation), None)
     try:
         before = [_difference(c.twin, one.log, one.motion) for one in logs]
         stretch = own_run(c)
@@ -54,16 +55,15 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
     gaps, shrinks = {}, {}
     for name in asked:
         j = c.machine.axes[name].index
-        x, y = (float(np.sqrt(np.mean([e[0][j] ** 2 for e in part]))) for part in (before, after))
-        size = float(np.sqrt(np.mean([e[1][j] ** 2 for e in before])))
+        x, y = (float(np.sqrt(np.mean([e[0][j] ** 2 for e in part[told]]))) for part in (before, after))
+        size = float(np.sqrt(np.mean([e[1][j] ** 2 for e in before[told]])))
         if not np.isfinite(x) or size <= 0.0:
             continue
         gaps[name] = Gap(x, x / size, 0.0, min(x, y), float(own[j]))
         if later is not None and name in held and y < x:
-            share = 1.0 - (y / x) ** 2
             each = [1.0 - (b[0][j] / max(a[0][j], 1e-300)) ** 2 for a, b in zip(before, after, strict=True)]
-            on = "validation" if c.validation else "fitted logs"
-            shrinks[name] = Shrink(x, y, share, (float(min(each)), float(max(each))), share, on)
+            on, share = "validation" if c.validation else "fitted logs", 1.0 - (y / x) ** 2
+            shrinks[name] = shrunk(x, share, (min(each[told]), max(each[told])), each[0], on, None)
     return Tracked(gaps, shrinks)
 
 

@@ -56,13 +56,12 @@ def look_at_vibration(
     motions = [replace(one.motion, decimation=1) for one in logs]
     for spring in springs(subject):
         runs = [
-            _Run.of(subject, m, spring.index, label, k)
-            for k, (m, label) in enumerate(zip(motions, commands, strict=True))
+            _Run.of(subject, m, spring.index, label, sealed)
+            for m, label, sealed in zip(motions, commands, validation, strict=True)
             if is_measured(m, spring.index)
         ]
-        sealed = [validation[r.log] for r in runs]
-        if runs and not all(sealed):
-            _judge(spring, _Split(runs, sealed), rng, out)
+        if not all(r.sealed for r in runs):
+            _judge(spring, _Split(runs), rng, out)
     return out
 
 
@@ -79,21 +78,21 @@ def unused(subject: Machine | Twin, logs: Sequence[Prepared]) -> list[str]:
 class _Run:
     """One joint in one log; rows within the band."""
 
-    log: int  # number of the log
+    sealed: bool  # whether nothing is fitted to it
     command: int  # label of its command
     load: Load  # what drives the joint
     measured: Floats  # velocity, shape (m,)
     rows: Ints  # rows of the motion that they belong to, shape (m,)
 
     @classmethod
-    def of(cls, twin: Twin, motion: Motion, joint: int, command: int, log: int) -> _Run:
+    def of(cls, twin: Twin, motion: Motion, joint: int, command: int, sealed: bool) -> _Run:
         """Return the run of one log."""
         rate, rows = 1.0 / motion.step, []
         for s in motion.segments:
             edge = edge_rows(s.stop - s.start, rate)
             rows.append(np.arange(s.start + edge, s.stop - edge))
         load = load_on(twin, motion, joint)
-        return cls(log, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
+        return cls(sealed, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
 
     def left(self, spring: PassiveSpring) -> Floats:
         """Return measured minus predicted velocity, shape (m,)."""
@@ -110,23 +109,21 @@ class _Split:
     """Runs of one joint: what may be fitted, and what is judged on."""
 
     runs: Sequence[_Run]
-    sealed: Sequence[bool]
 
-    def parts(self, values: Sequence[Floats], *, fitted: bool) -> list[Floats]:
+    def part(self, values: Sequence[Floats], *, fitted: bool) -> Floats:
         """Return the rows that are fitted, or those that are not."""
-        if any(self.sealed):
-            return [x for x, s in zip(values, self.sealed, strict=True) if s != fitted]
-        turns = [np.arange(len(x)) // max(round(BLOCK / self.step), 1) % 2 == 0 for x in values]
-        return [x[turn == fitted] for x, turn in zip(values, turns, strict=True)]
+        if any(r.sealed for r in self.runs):
+            return np.concatenate([x for x, r in zip(values, self.runs, strict=True) if r.sealed != fitted])
+        return np.concatenate([x[(np.arange(len(x)) // self.block % 2 == 0) == fitted] for x in values])
 
-    def left(self, spring: PassiveSpring, *, fitted: bool) -> list[Floats]:
+    def left(self, spring: PassiveSpring, *, fitted: bool) -> Floats:
         """Return measured minus predicted velocity of the rows that are fitted, or of the others."""
-        return self.parts([r.left(spring) for r in self.runs], fitted=fitted)
+        return self.part([r.left(spring) for r in self.runs], fitted=fitted)
 
     @property
-    def step(self) -> float:
-        """Time between rows [s]."""
-        return self.runs[0].load.motion.step
+    def block(self) -> int:
+        """Rows that count as one stretch."""
+        return max(round(BLOCK / self.runs[0].load.motion.step), 1)
 
     def noise(self, spring: PassiveSpring) -> float:
         """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks."""
@@ -135,8 +132,7 @@ class _Split:
                 n = min(len(a.measured), len(b.measured))
                 return float(np.std(a.measured[:n] - b.measured[:n]) / np.sqrt(2.0))
         left = np.concatenate([r.left(spring) for r in self.runs])
-        rows = max(round(BLOCK / self.step), 1)
-        blocks = np.array_split(left, max(len(left) // rows, 1))
+        blocks = np.array_split(left, max(len(left) // self.block, 1))
         return float(np.quantile([rms(x) for x in blocks], RULES.vibration_quiet))
 
 
@@ -144,9 +140,9 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
     """Fill in what is said of one joint."""
     found, moved = _refitted(spring, runs)
     noise = runs.noise(found)
-    before, after = (np.concatenate(runs.left(x, fitted=False)) for x in (spring, found))
-    x, y = (np.concatenate(runs.left(k, fitted=True)) for k in (spring, found))
-    size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
+    before, after = (runs.left(x, fitted=False) for x in (spring, found))
+    x, y = (runs.left(k, fitted=True) for k in (spring, found))
+    size = rms(runs.part([r.measured for r in runs.runs], fitted=False))
     promised = float(_share(rms(x) ** 2, rms(y) ** 2, noise**2))
     shrink, sure = _shrink((before, after), promised, noise, runs)
     least = max((1.0 + RULES.vibration_gap) * noise**2, noise**2 + (RULES.vibration_form * size) ** 2)
@@ -177,7 +173,7 @@ def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves
         return replace(spring, stiffness=float(k), damping=float(c))
 
     def left(x: Floats) -> Floats:
-        return np.concatenate(runs.left(shaped(x), fitted=True))
+        return runs.left(shaped(x), fitted=True)
 
     scale = max(rms(left(np.zeros(2))), 1e-300)
     best = least_squares(lambda x: left(x) / scale, np.zeros(2), bounds=([-2.0, -4.0], [2.0, 4.0]))
@@ -198,12 +194,12 @@ def _shrink(
     unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split
 ) -> tuple[Shrink, float]:
     """Return how far other springs shrink the gap on unseen rows, with the share of resampled blocks that name it."""
-    blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
+    blocks = max(len(unseen[0]) // runs.block, 1)
     powers = [np.array([x @ x for x in np.array_split(y, blocks)]) / len(y) for y in unseen]
     drawn_before, drawn_after = drawn(*powers)
     each = _share(drawn_before, drawn_after, noise**2)
     low, high = np.quantile(each, [0.05, 0.95]).tolist()
-    on = "validation" if any(runs.sealed) else "held-out blocks"
+    on = "validation" if any(r.sealed for r in runs.runs) else "held-out blocks"
     before, after = map(rms, unseen)
     share = float(_share(before**2, after**2, noise**2))
     sure = posterior(int(np.sum(each > RULES.vibration_share)), len(each))
