@@ -182,9 +182,11 @@ def test_what_one_of_the_own_days_shows_is_no_change(known_days: Reference) -> N
 
 
 def test_a_change_is_sought_among_the_effects_of_the_catalogue(known_days: Reference) -> None:
-    tried = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns["X"][0]
+    every = Asked(Question.of(known_days, known_days.logs[:1])).tried.columns
+    tried, couplings = every["X"][0], {k for x in every.values() for k in x[0] if "coupling" in k}
     forms = {"stribeck", "hysteresis", "position_table", "encoder_error:X"}
-    assert forms | {"inertial_coupling:X", "payload", "payload:X"} <= set(tried)
+    assert forms | {"payload", "payload:X"} <= set(tried)
+    assert couplings == {"inertial_coupling:X", "inertial_coupling:read"}  # of both axes one
     assert "presliding" not in tried  # dry friction by another law
     plain = Asked(Question.of(known_days, known_days.logs[:1]), search=False).tried.columns["X"][0]
     assert not forms & set(plain)

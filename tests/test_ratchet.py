@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_668,
+    lines: 54_667,
     module_numbers: 103,
-    numbers_without_unit: 291,
+    numbers_without_unit: 290,
     stories: 5,
 }
 

@@ -276,7 +276,7 @@ def test_a_page_of_the_docs_answers_one_question() -> None:
 
 
 README_FIGURES = {
-    "fault put into a real recording": "diagnosis.real",
+    "fault put into the effort of a real recording": "diagnosis.real",
     "fault on machines of another simulator": "diagnosis.foreign",
     "machine over days": "shop.first",
     "healthy machine of another simulator accused": "diagnosis.foreign_accused",

@@ -146,7 +146,8 @@ def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Ht
         for k, (name, number) in enumerate(numbers.items()):
             scale = _UNITS.get(name, SI) if name != LOST else scale_of("e", axis in rotary, number[0])
             value, low, high = (scale.factor * x for x in number)
-            shown = f"{value:.4g} {scale.unit}".strip() if math.isfinite(value) else "no following error"
+            endless = name == "Kv" and not math.isfinite(value)
+            shown = "no following error" if endless else f"{value:.4g} {scale.unit}".strip()
             between = "" if low == high or math.isnan(low) else f"{low:.4g} to {high:.4g}"
             remark = _remark(servo, name, determined)
             rows.append(["" if k else axis, _SERVO.get(name, name), shown, between, remark])

@@ -31,9 +31,7 @@ class Options:
     coefficients hang together, but neither makes one count as determined.
     """
 
-    prior: Floats | None = (
-        None  # of several equally good theta the nearest to it is taken, (p,); None is zero
-    )
+    prior: Floats | None = None  # of equally good theta the nearest to it is taken, (p,); None is zero
     ridge: Floats | None = None  # how near the prior it is believed, shape (p,), inf for none
     belief: Floats | None = None  # rows B, shape (k, p): B theta is believed to be zero, give or take a sigma
     alike: Floats | None = None  # rows of the data that tell as much as one of B's, shape (k,)

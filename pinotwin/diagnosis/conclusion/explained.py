@@ -21,7 +21,7 @@ class Closed:
 
     before: Floats  # the whole of it by block, shape (K,)
     gained: Floats  # what goes of that, shape (K,)
-    promised: float  # share that goes of the blocks that were held out
+    promised: float  # share that goes of the logs in question
     on: str  # which rows these are
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
 from pinotwin.diagnosis.days.mechanisms import ENCODER, PLAY, after_starts, starts, zeros
-from pinotwin.diagnosis.days.places import Sought, Span
+from pinotwin.diagnosis.days.places import Felt, Sought, Span
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import density
@@ -26,8 +27,9 @@ def courses(
 ) -> dict[str, Sought]:
     """Return what begins at an instant of each log or acts after starts, and the side of a play as a hidden state."""
     dry, w = [s.axes[name]["dry"] for s in logs], r.whitenings[name, "plant"]
-    found = {"friction_since": since(logs, dry, left, (name, "plant"), beside, w)}
-    found["friction_at_start"] = _after_starts(r, logs, left, name)
+    found = {"friction_at_start": _after_starts(r, logs, left, name)}
+    if (late := since(logs, dry, left, (name, "plant"), beside, w)) is not None:
+        found["friction_since"] = replace(late, again=lambda s: {name: s.axes[name]["dry"]})
     if (name, "law") in left[0]:
         found["dead_band"] = _dead_band(r, logs, left, name)
     if (name, "encoders") in left[0]:
@@ -60,7 +62,7 @@ def since(
         begin.append(onset(s, columns[:, 0], columns[:, 1], columns[:, 2:]))
     if max(begin) <= 1.0:
         return None
-    late = [x * s.low((s.t > t).astype(float)) for s, x, t in zip(logs, course, begin, strict=True)]
+    late = [{axis: x * s.low((s.t > t).astype(float))} for s, x, t in zip(logs, course, begin, strict=True)]
     return Sought(late, 0.5 * SETTINGS.place * len(logs), equation, since=begin)
 
 
@@ -79,7 +81,7 @@ def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], n
     """Return friction for a while after every start from a stand, as of a brake that releases late."""
     size, y = r.widths[name]["effort"], [x[name, "plant"] for x in left]
 
-    def column(s: Stretch, long: float, stand: float) -> dict[str, Floats]:
+    def column(s: Stretch, long: float, stand: float) -> Felt:
         return {name: after_starts(s, name, long, stand) * size}
 
     def gain(long: float, stand: float) -> float:
@@ -91,7 +93,7 @@ def _after_starts(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], n
     longs = [peak(partial(gain, stand=x), np.geomspace(0.1, 0.6, 5).tolist()) for x in stands]
     long, stand = max(zip(longs, stands, strict=True), key=lambda x: gain(*x))
     again = partial(column, long=long, stand=stand)
-    return Sought([again(s)[name] for s in logs], SETTINGS.place, since=[long, stand], again=again)
+    return Sought([again(s) for s in logs], SETTINGS.place, since=[long, stand], again=again)
 
 
 def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name: str) -> Sought:
@@ -106,7 +108,7 @@ def _dead_band(r: Reference, logs: Sequence[Stretch], left: Sequence[Left], name
 
     y = [x[name, "law"] for x in left]
     band = peak(lambda x: _gain(columns(x), y), np.geomspace(0.05, 1.0, 12).tolist())
-    return Sought(columns(band), SETTINGS.place, "law")
+    return Sought([{name: x} for x in columns(band)], SETTINGS.place, "law")
 
 
 def _gain(columns: Sequence[Floats], left: Sequence[Floats]) -> float:
@@ -127,7 +129,7 @@ def _either_side(logs: Sequence[Stretch], left: Sequence[Left], name: str) -> So
         return None  # a spring, which no gap bounds, or a step: a play changes sides at every reversal
     price = 3.0 * sum(int(np.sum(x[1:] != x[:-1])) for x in places)
     pairs = zip(logs, places, ends, strict=True)
-    columns = [PLAY * (s.low(x) - e.sum() / max(np.ptp(e), 1e-300)) for s, x, e in pairs]
+    columns = [{name: PLAY * (s.low(x) - e.sum() / max(np.ptp(e), 1e-300))} for s, x, e in pairs]
     return Sought(columns, price, "encoders")
 
 

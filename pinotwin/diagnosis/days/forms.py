@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import APART, BESIDE, SAME, SUMS, Joined, Worn
 from pinotwin.diagnosis.days.mechanisms import GROUP
-from pinotwin.diagnosis.days.places import Sought, Whitened
+from pinotwin.diagnosis.days.places import Felt, Sought, Whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
@@ -88,7 +88,7 @@ def peak(gain: Callable[[float], float], tried: Sequence[float]) -> float:
 
 def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
     """Return what a form may explain less what its numbers cost [nats], by its columns on the rows that are kept."""
-    parts = np.split(_values(effect, thin), np.cumsum([len(s.t) for s in w.logs])[:-1])
+    parts = np.split(_columns(effect, thin)[w.name], np.cumsum([len(s.t) for s in w.logs])[:-1])
     x = np.concatenate([w.passed(k, part) for k, part in enumerate(parts)])
     both, own = np.concatenate(w.left) @ x, x.T @ x
     size = np.diag(own)
@@ -98,12 +98,7 @@ def _gain(w: Whitened, thin: Motion, effect: Effect) -> float:
     return 0.5 * float(explains) - SETTINGS.number * np.count_nonzero(size)
 
 
-def _values(effect: Effect, m: Motion) -> Floats:
-    """Return the columns of a form on its own axis, shape (n, p)."""
-    return _columns(effect, m)[str(effect.axis)]
-
-
-def _columns(effect: Effect, m: Motion) -> dict[str, Floats]:
+def _columns(effect: Effect, m: Motion) -> Felt:
     """Return the columns of a form on every axis on which it acts, shape (n, p) each."""
     found = effect.columns(m)
     return {m.names[j]: np.asarray(found.values[:, k]) for k, j in enumerate(found.joints)}
@@ -111,13 +106,13 @@ def _columns(effect: Effect, m: Motion) -> dict[str, Floats]:
 
 def _local(w: Whitened, effect: Effect, price: float) -> Sought:
     """Return the columns of a form in every stretch, of the size of the effort."""
-    columns = [s.taken(_values(effect, s.motion)) for s in w.logs]
-    scale = w.effort / np.maximum(np.std(np.concatenate(columns), axis=0), 1e-300)
+    own = [s.taken(_columns(effect, s.motion)[w.name]) for s in w.logs]
+    scale = w.effort / np.maximum(np.std(np.concatenate(own), axis=0), 1e-300)
 
-    def again(s: Stretch) -> dict[str, Floats]:
+    def again(s: Stretch) -> Felt:
         return {k: np.asarray(s.taken(x) * scale) for k, x in _columns(effect, s.motion).items()}
 
-    return Sought([x * scale for x in columns], price, form=effect, scale=scale, again=again)
+    return Sought([again(s) for s in w.logs], price, form=effect, scale=scale, again=again)
 
 
 def parts(form: Effect) -> tuple[Effect, ...]:

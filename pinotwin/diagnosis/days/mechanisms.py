@@ -190,10 +190,8 @@ def zeros(r: Reference, s: Stretch, left: Mapping[tuple[str, str], Floats]) -> d
             low, high = (r.twin.predict(x, 0.0 * q, 0.0 * q) for x in ends)
             turn = s.low((high - low) / (2.0 * step))
             x = turn[:, names.index(name)]
-            before, shift = (
-                shift,
-                float((x * moving) @ left[name, "plant"]) / max(float((x * moving) @ x), 1e-300),
-            )
+            before = shift
+            shift = float((x * moving) @ left[name, "plant"]) / max(float((x * moving) @ x), 1e-300)
             if abs(shift - before) < 1e-2 * step:
                 break
         if np.std(x) > 1e-3 * r.widths[name]["effort"]:

@@ -20,6 +20,7 @@ from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 
+Felt = dict[str, Floats]  # axis -> columns of a cause there
 Span = tuple[int, float, float]
 """Stretch, begin and end [s]."""
 
@@ -29,15 +30,15 @@ class Sought:
     """A cause that is sought, where it explains most: its course, place, instants or shape.
 
     Attributes:
-        columns: of every stretch, shape (n,) or (n, p) each. price: of the search [nats]. equation: on which it acts.
+        columns: of every stretch axis -> columns, (n,) or (n, p): its own, and of those that feel it through their
+            inertia. price: of the search [nats]. equation: on which it acts.
         place: centre and width [m or rad], where it is one. spans: when it acts, where it is bound to time.
         since: instant at which it begins in every stretch; or how long it acts after a start, and the stand [s].
         form, scale: the effect whose columns these are, and what each was multiplied with, shape (p,).
-        again: axis -> columns in any stretch, of what does not hang on these: its own, and those of axes that feel it
-            through their inertia.
+        again: the same in any stretch, of what does not hang on these.
     """
 
-    columns: list[Floats] = field(default_factory=list)
+    columns: list[Felt] = field(default_factory=list)
     price: float = 0.0
     equation: str = "plant"
     place: tuple[float, float] | None = None
@@ -45,7 +46,7 @@ class Sought:
     since: list[float] = field(default_factory=list)
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1))
-    again: Callable[[Stretch], dict[str, Floats]] | None = None
+    again: Callable[[Stretch], Felt] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +219,9 @@ def instants(count: int) -> float:
 
 def _timed(w: Whitened, pulses: Waves) -> Sought:
     still = [np.zeros(len(s.t)) for s in w.logs]
-    columns = [np.column_stack([p.get(k, x) * w.effort for p in pulses]) for k, x in enumerate(still)]
+    columns = [
+        {w.name: np.column_stack([p.get(k, x) * w.effort for p in pulses])} for k, x in enumerate(still)
+    ]
     rows = [(k, np.flatnonzero(x)) for p in pulses for k, x in p.items() if x.any()]
     spans = [(k, float(w.logs[k].t[x[0]]), float(w.logs[k].t[x[-1]])) for k, x in rows]
     return Sought(columns, instants(len(pulses)), spans=spans)
@@ -242,8 +245,7 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Sought]:
     if tooth.gain > SETTINGS.place + 4.0:
         at, width = _finer(w, tooth, [np.ones(len(s.t)) for s in w.logs])
         bump = partial(_bump, w, at=at, width=width)
-        columns = [bump(s)[w.name] for s in w.logs]
-        out["tooth"] = Sought(columns, SETTINGS.place, place=(at, width), again=bump)
+        out["tooth"] = Sought([bump(s) for s in w.logs], SETTINGS.place, place=(at, width), again=bump)
     if snag.gain > SETTINGS.place:
         keep = [np.zeros(len(s.t)) for s in w.logs]
         for (k, a, b), drags in zip(snag.passes, snag.drags, strict=True):
@@ -251,7 +253,7 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Sought]:
         keep = [x * s.axes[w.name]["sg"] for x, s in zip(keep, w.logs, strict=True)]
         at, width = _finer(w, snag, keep)
         pairs = zip(w.logs, keep, strict=True)
-        columns = [_bump(w, s, at, width)[w.name] * x[:, None] for s, x in pairs]
+        columns = [{k: y * x[:, None] for k, y in _bump(w, s, at, width).items()} for s, x in pairs]
         count = float(snag.drags.sum())
         price = SETTINGS.place + count * np.log(1 / 0.4) + (len(snag.passes) - count) * np.log(1 / 0.6)
         on = [x for x, drags in zip(snag.passes, snag.drags, strict=True) if drags]
@@ -260,7 +262,7 @@ def _at_places(w: Whitened, low: float, high: float) -> dict[str, Sought]:
     return out
 
 
-def _bump(w: Whitened, s: Stretch, at: float, width: float) -> dict[str, Floats]:
+def _bump(w: Whitened, s: Stretch, at: float, width: float) -> Felt:
     bump = s.low(np.exp(-(((s.axes[w.name]["q"] - at) / width) ** 2)))
     return {w.name: bump[:, None] * w.effort}
 

@@ -1,9 +1,9 @@
 """One score for every cause: held-out log density of all that was recorded, less what the healthy day has to be.
 
 Rows are gathered in cells, with the columns [a zero, those of a healthy day, those of causes, residual]. A cause is
-then a set of columns, of which each cell tells by its Gram matrix; a score takes a millisecond. Cells are Student's t,
-so that one bad cell decides nothing, and vary more where a cause acts whose form is not quite right. Columns of a
-healthy day have a standard normal prior and leave by Schur complement, log by log.
+then a set of columns, of which each cell tells by its Gram matrix. Cells are Student's t, so that one bad cell decides
+nothing, and vary more where a cause acts whose form is not quite right. Columns of a healthy day have a standard normal
+prior and leave by Schur complement, log by log.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
 from pinotwin.diagnosis.days.healthy import healthy_day
 from pinotwin.diagnosis.days.mechanisms import ENCODER, hats
-from pinotwin.diagnosis.days.places import Sought
+from pinotwin.diagnosis.days.places import Felt, Sought
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch, corner
 from pinotwin.diagnosis.settings import SETTINGS
@@ -78,11 +78,11 @@ def _column(
     numbers = np.linalg.lstsq(np.column_stack([X, day]), y, rcond=1e-6)[0][: X.shape[1]]
     numbers *= ENCODER / max(float(np.abs(X @ numbers).max()), 1e-300)
 
-    def again(s: Stretch) -> dict[str, Floats]:
+    def again(s: Stretch) -> Felt:
         return {name: np.asarray(each(s) @ numbers)[:, None]}
 
-    acts = [again(s)[name] for s in logs]
-    most = np.abs(np.concatenate(acts)[:, 0])
+    acts = [again(s) for s in logs]
+    most = np.abs(np.concatenate([x[name] for x in acts])[:, 0])
     at = np.concatenate([s.axes[name]["q"] for s in logs])[most >= 0.5 * most.max()]
     place = (0.5 * float(at.max() + at.min()), 0.25 * float(np.ptp(at)))
     return Sought(acts, price, "encoders", place=place, again=again)

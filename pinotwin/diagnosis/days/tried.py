@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import same_cause
 from pinotwin.diagnosis.days.courses import courses, since
 from pinotwin.diagnosis.days.evidence import Left
@@ -26,8 +25,7 @@ from pinotwin.diagnosis.days.mechanisms import (
     one_program,
     zeros,
 )
-from pinotwin.diagnosis.days.places import Sought, local, whitened
-from pinotwin.diagnosis.days.reference import Reference
+from pinotwin.diagnosis.days.places import Felt, Sought, local, whitened
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, combined
 from pinotwin.diagnosis.days.stroke import encoder_errors
@@ -35,7 +33,7 @@ from pinotwin.effects import Effect
 
 Columns = list[dict[str, Acts]]
 """Of every stretch, cause -> equation -> columns."""
-Felt = dict[str, Floats]  # axis -> columns of a cause in its effort
+Every = Mapping[tuple[str, str], Sequence[Felt]]  # axis, cause -> of every stretch
 MISREAD = ("friction", "onset", "offset", "time", "form")
 """Groups of causes that a reading of the effort may show and the machine not have."""
 
@@ -45,7 +43,7 @@ class Tried:
 
     Attributes:
         columns, unseen: axis -> columns in the logs in question and in those of validation.
-        sought: axis, cause -> what has a course, a place or a form.
+        sought: axis, cause -> what has a course, a place or a form. felt: those that other axes feel.
         wide: cause -> its axis, of those that act on several.
     """
 
@@ -63,14 +61,15 @@ class Tried:
             if (name, "encoders") in left[0]:
                 every |= encoder_errors(self.r, q.logs, left, name)
             self.sought |= {(name, cause): x for cause, x in every.items()}
+        self.felt = self._felt()
         self.columns, self.wide = self._asked(left, search=search)
         self.unseen = self._validation() if q.valid else {}
 
     def _asked(self, left: Sequence[Left], *, search: bool) -> tuple[dict[str, Columns], dict[str, str]]:
         """Return the causes in the logs in question, and the axis of those that act on several."""
         q, r = self.q, self.r
-        at = {key: [{x.equation: y} for y in x.columns] for key, x in self.sought.items()}
-        wide = _several(r, q.logs, left) | self._felt(q.logs)
+        at = {key: x.columns for key, x in self.sought.items()}
+        wide = self._several(q.logs, left, at)
         if search:
             wide |= self._turned(wide, left)
         out, ends, program = self._gathered(q.logs, q.left, at, wide), q.ends(), one_program(r, q.logs)
@@ -86,11 +85,9 @@ class Tried:
     def _validation(self) -> dict[str, Columns]:
         """Return the causes in the validation logs whose columns do not hang on the logs in question."""
         q, r, out, ends = self.q, self.r, dict[str, Columns](), self.q.ends()
-        at = {(k, "friction_since"): [{"plant": s.axes[k]["dry"]} for s in q.valid] for k in r.axes}
-        for (name, cause), x in self.sought.items():
-            if x.again is not None:
-                at[name, cause] = [{x.equation: x.again(s)[name]} for s in q.valid]
-        wide = _several(r, q.valid, q.valid_left) | self._felt(q.valid)
+        lasting = {key: x.again for key, x in self.sought.items() if x.again is not None}
+        at = {key: [again(s) for s in q.valid] for key, again in lasting.items()}
+        wide = self._several(q.valid, q.valid_left, at)
         for name, each in self._gathered(q.valid, q.valid_left, at, wide).items():
             out[name] = [{k: x for k, x in acts.items() if k.partition(":")[0] not in GROWS} for acts in each]
             for acts, s in zip(out[name], q.valid, strict=True):
@@ -101,51 +98,54 @@ class Tried:
         self,
         logs: Sequence[Stretch],
         left: Sequence[Left],
-        sought: Mapping[tuple[str, str], Sequence[Acts]],
+        sought: Every,
         wide: Mapping[str, Sequence[Felt]],
     ) -> dict[str, Columns]:
         """Return axis -> columns of all causes: what was ``sought`` on it, and what acts on several axes."""
         r, out = self.r, dict[str, Columns]()
         for name in r.axes:
-            own, each = {cause: x for (axis, cause), x in sought.items() if axis == name}, []
+            own = {cause: x for (axis, cause), x in sought.items() if axis == name}
+            each: Columns = []
             for k, (s, x) in enumerate(zip(logs, left, strict=True)):
-                acts = mechanisms(r, s, name, x, float(k)) | {cause: y[k] for cause, y in own.items()}
+                acts = mechanisms(r, s, name, x, float(k))
+                acts |= {cause: {self.sought[name, cause].equation: y[k][name]} for cause, y in own.items()}
                 acts |= {cause: {"plant": y[k][name]} for cause, y in wide.items() if name in y[k]}
                 acts |= _misread(acts, r.laws[name], s.step) if (name, "law") in x else {}
                 acts |= _told(acts, name, r.laws)
-                each.append({c: y for c, y in acts.items() if c not in own or f"{c}:{name}" not in wide})
+                each.append({c: y for c, y in acts.items() if (name, c) not in self.felt})
             out[name] = [{c: x[c] for c in x if all(c in y for y in each)} for x in each]
         return out
 
-    def _felt(self, logs: Sequence[Stretch]) -> dict[str, list[Felt]]:
-        """Return the forms that other axes feel through their inertia, in every stretch; a coupling of two once."""
-        out, shown = dict[str, list[Felt]](), list[Effect]()
-        for (axis, cause), x in self.sought.items():
-            if x.form is None or x.again is None or any(same_cause(x.form, other) for other in shown):
+    def _several(self, logs: Sequence[Stretch], left: Sequence[Left], sought: Every) -> dict[str, list[Felt]]:
+        """Return what acts on several axes, in every stretch: bodies, motors, zeros, and forms that others feel."""
+        r, felt = self.r, {f"{cause}:{axis}": list(sought[axis, cause]) for axis, cause in self.felt}
+        each = [bodies(r, s) | motors(r, s) | zeros(r, s, x) for s, x in zip(logs, left, strict=True)]
+        return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)} | felt
+
+    def _felt(self) -> list[tuple[str, str]]:
+        """Return axis and cause of the forms that other axes feel through their inertia; a coupling of two once."""
+        out, shown = list[tuple[str, str]](), list[Effect]()
+        for key, x in list(self.sought.items()):
+            if x.form is None or all(len(y) == 1 for y in x.columns):
                 continue
-            every = [x.again(s) for s in logs]
-            if len(every[0]) > 1:
-                out[f"{cause}:{axis}"] = every
+            if any(same_cause(x.form, other) for other in shown):
+                del self.sought[key]
+            else:
+                out.append(key)
                 shown.append(x.form)
         return out
 
     def _turned(self, wide: Mapping[str, Sequence[Felt]], left: Sequence[Left]) -> dict[str, list[Felt]]:
         """Return zeros that moved within a log, in every stretch."""
         logs, out = self.q.logs, dict[str, list[Felt]]()
-        for name in self.r.axes:
-            turns = wide.get(f"zero:{name}")
-            found = turns and since(logs, [x[name] for x in turns], left, (name, "plant"), self.found)
-            if turns and found:
+        for name in (k for k in self.r.axes if f"zero:{k}" in wide):
+            turns = wide[f"zero:{name}"]
+            found = since(logs, [x[name] for x in turns], left, (name, "plant"), self.found)
+            if found is not None:
                 self.sought[name, "zero_since"] = found
                 each = zip(logs, turns, found.since, strict=True)
                 out[f"zero_since:{name}"] = [{k: y * (s.t > t) for k, y in x.items()} for s, x, t in each]
         return out
-
-
-def _several(r: Reference, logs: Sequence[Stretch], left: Sequence[Left]) -> dict[str, list[Felt]]:
-    """Return what acts on several axes, in every stretch: a body on a link, a motor, the zero of a joint."""
-    each = [bodies(r, s) | motors(r, s) | zeros(r, s, x) for s, x in zip(logs, left, strict=True)]
-    return {cause: [x[cause] for x in each] for cause in each[0] if all(cause in x for x in each)}
 
 
 def _misread(acts: dict[str, Acts], law: Law, step: float) -> dict[str, Acts]:

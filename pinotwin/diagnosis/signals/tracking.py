@@ -63,7 +63,8 @@ def tracked(c: Comparison, changed: Callable[[], tuple[Twin | None, set[str]]]) 
         if later is not None and name in held and y < x:
             each = [1.0 - (b[0][j] / max(a[0][j], 1e-300)) ** 2 for a, b in zip(before, after, strict=True)]
             on, share = "validation" if c.validation else "fitted logs", 1.0 - (y / x) ** 2
-            shrinks[name] = shrunk(x, share, (min(each[told]), max(each[told])), each[0], on, None)
+            promised = each[0] if c.validation and np.isfinite(each[0]) else share
+            shrinks[name] = shrunk(x, share, (min(each[told]), max(each[told])), promised, on, None)
     return Tracked(gaps, shrinks)
 
 
