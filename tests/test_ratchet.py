@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_667,
+    lines: 54_666,
     module_numbers: 103,
     numbers_without_unit: 290,
     stories: 5,

@@ -124,7 +124,8 @@ def shop(runs: Source) -> Answers:
 
 def stated(runs: Source) -> Answers:
     """All answers that state how sure they are of a name."""
-    return together(*(ask(runs) for ask in (real_healthy, healthy, diagnose, real_faults, shop)))
+    asked = (real_healthy, healthy, diagnose, real_faults, shop)
+    return Answers(together(*(ask(runs) for ask in asked)).rows, "answers above")
 
 
 def three(runs: Runs) -> Answers:
@@ -175,21 +176,21 @@ PARTS: Mapping[str, Part] = {
         {"foreign_accused": at_most("a cause named", 2 / 40, 0.0, each("named"))},
     ),
     "diagnose": Part(
-        "other simulator, 22 kinds",
+        "other simulator",
         diagnose,
         {
-            "foreign": Line("first name and axis of 20", 0.86, 0.93, each("axis_right", inside)),
-            "foreign_extra": at_most("an extra name of 20", 0.05, None, each("extras", inside)),
+            "foreign": Line("first name and axis, 20 kinds", 0.86, 0.93, each("axis_right", inside)),
+            "foreign_extra": at_most("an extra name", 0.05, None, each("extras", inside)),
             "foreign_outside": Line("unknown ones recognised", 0.85, None, each("first", counts.outside)),
         },
     ),
     "real_faults": Part(
-        "real, a fault put into the effort (EMPS without its command)",
+        "real faults, EMPS without command",
         real_faults,
         {"real": Line("first name and axis", 0.88, 0.95, each("right"))},
     ),
     "shop": Part(
-        "machines over days",
+        "shop",
         shop,
         {
             "shop_accused": at_most("healthy, accused", 2 / 60, 0.0, counts.accused_days),
@@ -207,9 +208,7 @@ PARTS: Mapping[str, Part] = {
         stated,
         {
             "calibration": at_most("expected calibration error", 0.06, 0.03, counts.calibrated),
-            "discrimination": Line(
-                "right names surer than wrong ones, AUC", 0.85, 0.95, counts.discriminated
-            ),
+            "discrimination": Line("AUC of right against wrong names", 0.85, 0.95, counts.discriminated),
             "promised": at_most("share promised less delivered, median", 0.05, 0.02, counts.kept_promise),
         },
     ),
@@ -241,11 +240,13 @@ KNOWN = ("seconds_arm", "seconds_five", "real_healthy")
 
 def figures_of(kept: Mapping[str, Row]) -> list[Figure]:
     """Return the measured lines as figures: a share as a count, with what it must be."""
-    out = []
+    out, before = list[Figure](), ""
     lines = [(name, part.about, line) for part in PARTS.values() for name, line in part.lines.items()]
     for name, about, line in (x for x in lines if x[0] in kept):
         row = kept[name]
-        said = (line.judged(row["value"]), row["which"], row["command"], f"{row['date']}, {row['commit']}")
+        source = f"{row['command']}; {row['date']}, {row['commit']}"
+        said = (line.judged(row["value"]), row["which"], source if source != before else "as above")
+        before = source
         hits, _, of = row["counts"].partition(" of ")
         value, whole = (float(hits), int(of)) if of else (row["value"], None)
         kind: Kind = "development" if name in KNOWN else "unseen"

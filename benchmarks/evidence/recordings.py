@@ -112,10 +112,10 @@ def figures() -> list[Figure]:
     what = "healthy recordings beside those of real.py"
     note = "looked at since; at the first run a cause was named in 8 of them"
     counts = {
-        "named": (f"{what}: a cause named", sum(bool(d.effects) for _, d in found)),
-        "none": (f"{what}: `none`", sum(d.verdict == "none" for _, d in found)),
+        "named": (f"{what}: a cause named", sum(bool(d.effects) for _, d in found), note),
+        "none": (f"{what}: `none`", sum(d.verdict == "none" for _, d in found), "the same"),
     }
     return [
         Figure(name, words, count, unit="", kind="development", of=len(found), note=note)
-        for name, (words, count) in counts.items()
+        for name, (words, count, note) in counts.items()
     ]

@@ -358,5 +358,5 @@ def _effect(e: Found) -> dict[str, Any]:
 
 
 def _shrink(x: Shrink) -> dict[str, Any]:
-    row = {k: v for k, v in vars(x).items() if k not in ("interval", "on")}
-    return {**row, "interval90": x.interval, "promised_interval": None}  # a key of the file: none is known
+    row = {"interval90" if k == "interval" else k: v for k, v in vars(x).items() if k != "on"}
+    return {**row, "promised_interval": None}  # a key of the file: none is known

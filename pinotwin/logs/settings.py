@@ -29,9 +29,7 @@ class Settings:
     # unstable: stable machines stay below 1, an unstable loop reaches 7
     hunts: float = 3.0
     lead_reach: float = 0.010  # [s] longest lead that is looked for between channels
-    lead_gain: float = (
-        0.05  # fall of the residual's power below which a lead, or a late command, is not worth telling
-    )
+    lead_gain: float = 0.05  # least fall of the residual's power by which a lead or a late command is told
     lag_reach: float = 0.06  # [s] longest lag of an effort, or of a command, that is looked for
     late: float = 0.012  # [s] lag that no drive and no bus has
     sure: float = 3.0  # standard errors by which a sign must differ from zero, a lag from what a drive has

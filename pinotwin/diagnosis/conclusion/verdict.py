@@ -24,7 +24,7 @@ def judge(
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
 ) -> tuple[str, dict[str, dict[str, float]], list[str]]:
-    """Return the sentence, axis -> signal -> share [1] that stays open, and notes; ``patterns``: axis -> in words."""
+    """Return the sentence, axis -> signal -> share [1] that stays open, and notes; ``patterns``: what that follows."""
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
     open_axes = {axis: row["u"] for axis, row in judged.items() if row["u"].is_open()}
     told = {axis for e in effects for axis in _axes(e)}

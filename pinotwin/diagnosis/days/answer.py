@@ -147,8 +147,9 @@ class Answer:
 
     def _gained(self, acting: Sequence[Named], axis: str, rows: _Rows) -> tuple[Floats, list[Floats]]:
         """Return the squared residual of every second, (k,) [N² or N²·m²], and what each cause takes off of it."""
-        at, gained = judged_rows(rows.motion, self.c.machine.names.index(axis)), list[Floats]()
-        left = rows.left[at, self.c.machine.names.index(axis)]
+        j, gained = self.c.machine.names.index(axis), list[Floats]()
+        at = judged_rows(rows.motion, j)
+        left = rows.left[at, j]
         second = np.floor(rows.motion.t[at]).astype(int) + 100_000 * np.searchsorted(
             rows.starts, np.flatnonzero(at), "right"
         )

@@ -34,7 +34,7 @@ class Row:
         logs: gain of every stretch [nats]. positive: gains over all changes of cells. spread: cells that carry it.
         closed: equation -> share of what is open.
         valid: gain on the validation log with the numbers as they are [nats]; None where there is none.
-        what: other axis of a cross friction, channel of a description, READ, TOLD, or its axis if it acts on several.
+        what: other axis of a cross friction, channel of a description, READ, TOLD, or the axis of what acts on several.
         place, spans: of what acts at places or instants. p: probability [1]. alike: of its class, as probable.
         acts: axis -> of every stretch equation -> columns. unseen: likewise of the validation log, None where they
             cannot be told there. numbers, errors: all of them, shape (count,) each.
