@@ -242,7 +242,7 @@ DIAGNOSED = {  # what the page of `diagnose` says first; under a grade, what is 
     "recording": "The recording is at fault: {faults}. Repair it and diagnose again; no cause is named before that.",
     "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees; no "
     "cause of that is known.",
-    "tracking left": "This does not explain the tracking error of {axes}.",
+    "tracking left": "This does not explain all of the tracking error of {axes}.",
     "again": " and at other times",
     "logged": " In the log's unit: {was} to {now} {unit}. By the URDF's masses 1 {of} is {size:.3g} {effort} "
     "({ends[0]:.3g} to {ends[1]:.3g}); a weighed mass or the factor would settle it.",
