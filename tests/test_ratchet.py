@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_666,
+    lines: 54_466,
     module_numbers: 103,
-    numbers_without_unit: 290,
+    numbers_without_unit: 288,
     stories: 5,
 }
 

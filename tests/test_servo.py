@@ -11,8 +11,9 @@ from scipy.interpolate import CubicSpline
 import pinotwin as pt
 from pinotwin.columns import bind
 from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
-from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
-from pinotwin.identification.servo.problem import AS_FOUND
+from pinotwin.identification.servo.output_error import Found
+from pinotwin.identification.servo.problem import AS_FOUND, AxisProblem
+from pinotwin.identification.servo.structure import afresh, doubtful, look, settle
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Servo, close, command_rates, margins

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pinotwin.identification.servo import AxisProblem
 from pinotwin.identification.servo.law_alone import LawAlone
 from pinotwin.identification.servo.moments import by_moments
 from pinotwin.identification.servo.output_error import polish, search_of
+from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop import Servo, command_rates
 from pinotwin.simulation.law import LONGEST
 from tests.simulated import plain_machine, smooth_command

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pinotwin.identification.servo import PLANT, AxisProblem
 from pinotwin.identification.servo.output_error import misfit, polish
+from pinotwin.identification.servo.problem import PLANT, AxisProblem
 from pinotwin.loop import Servo
 from pinotwin.simulation.law import LONGEST
 from tests.simulated import plain_machine, smooth_command

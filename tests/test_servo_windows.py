@@ -9,9 +9,8 @@ import pytest
 
 from pinotwin.effects import Presliding
 from pinotwin.identification.coupled import own_friction
-from pinotwin.identification.servo import AxisProblem
 from pinotwin.identification.servo.output_error import polish
-from pinotwin.identification.servo.problem import AS_FOUND
+from pinotwin.identification.servo.problem import AS_FOUND, AxisProblem
 from pinotwin.simulation.tables import tabulate
 from tests.simulated import plain_machine, smooth_command
 from tests.test_servo import cascade, single, with_measurement

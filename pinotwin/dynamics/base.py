@@ -58,11 +58,18 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
     A column is a combination of others if all but the share ``tolerance`` of it is one: forgives angles as 1.5708.
     """
     names = parameter_names(model)
-    moves = _random_regressor(model, np.random.default_rng(seed))
+    rng, n = np.random.default_rng(seed), 50 + 4 * parameter_count(model) // max(model.nv, 1)
+    q, v, a = (rng.uniform(-size, size, (n, model.nv)) for size in (np.pi, 3.0, 10.0))
+    moves = regressor(model, q, v, a).reshape(n * model.nv, -1)  # at least four rows a column
     W = np.linalg.qr(moves, mode="r")  # the same products, fewer rows
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
-    priority, scaled = _priority(model), W / np.where(alive, norms, 1.0)
+    priority: list[int] = []  # all parameters in the order in which they are tried as independent
+    for i in range(1, model.njoints):
+        joint = model.joints[i]
+        priority += [10 * body_count(model) + joint.idx_v + k for k in range(joint.nv)]
+        priority += [10 * (i - 1) + k for k in _BODY_ORDER]
+    scaled = W / np.where(alive, norms, 1.0)
     kept, K, level = _regroup(scaled, [k for k in priority if alive[k]], tolerance)
     joint_by_joint = np.argsort([priority.index(k) for k in kept])
     chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
@@ -79,25 +86,6 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
         tuple(units[k] for k in chosen),
         tuple(name for name, used in zip(names, alive, strict=True) if not used),
     )
-
-
-def _random_regressor(model: pin.Model, rng: np.random.Generator) -> Floats:
-    """Return the stacked regressor of random motions, at least four rows a column."""
-    n = 50 + 4 * parameter_count(model) // max(model.nv, 1)
-    q = rng.uniform(-np.pi, np.pi, (n, model.nv))
-    v = rng.uniform(-3.0, 3.0, (n, model.nv))
-    a = rng.uniform(-10.0, 10.0, (n, model.nv))
-    return regressor(model, q, v, a).reshape(n * model.nv, -1)
-
-
-def _priority(model: pin.Model) -> list[int]:
-    """Return all parameters in the order in which they are tried as independent."""
-    order: list[int] = []
-    for i in range(1, model.njoints):
-        joint = model.joints[i]
-        order += [10 * body_count(model) + joint.idx_v + k for k in range(joint.nv)]
-        order += [10 * (i - 1) + k for k in _BODY_ORDER]
-    return order
 
 
 def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[list[int], Floats, float]:

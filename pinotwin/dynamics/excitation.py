@@ -66,22 +66,18 @@ def excitation(
     scale = np.sqrt(np.mean(W**2, axis=0))
     effort = scale if size is None else scale * np.abs(size)
     alive = effort > tolerance * effort.max(initial=0.0)
-    s, V = _spectrum(W[:, alive] / (scale[alive] * np.sqrt(len(W))))
+    scaled = W[:, alive] / (scale[alive] * np.sqrt(len(W)))
+    b = scaled.shape[1]
+    R = np.zeros((b, b))  # missing rows make singular values of zero
+    R[: min(scaled.shape)] = np.linalg.qr(scaled, mode="r")
+    _, s, Vt = np.linalg.svd(R)
+    s = np.where(s > np.finfo(float).eps * b * s.max(initial=0.0), s, 0.0)
     weak = s <= tolerance * s.max(initial=0.0)
     with np.errstate(divide="ignore"):
         condition = float(s[0] / s[-1]) if len(s) else np.inf
     groups = [Group((names[k],), 1) for k in np.flatnonzero(~alive).tolist()]
-    groups += _groups(V[:, weak], [names[k] for k in np.flatnonzero(alive).tolist()])
+    groups += _groups(Vt[weak].T, [names[k] for k in np.flatnonzero(alive).tolist()])
     return Excitation(tuple(names), condition, tuple(groups))
-
-
-def _spectrum(S: Floats) -> tuple[Floats, Floats]:
-    """Return all singular values (zeros for missing rows) and right vectors as columns."""
-    b = S.shape[1]
-    R = np.zeros((b, b))
-    R[: min(S.shape)] = np.linalg.qr(S, mode="r")
-    _, s, Vt = np.linalg.svd(R)
-    return np.where(s > np.finfo(float).eps * b * s.max(initial=0.0), s, 0.0), Vt.T
 
 
 def _groups(V: Floats, names: Sequence[str], member: float = 0.01, link: float = 0.02) -> list[Group]:

@@ -92,19 +92,19 @@ def with_parameters(model: pin.Model, pi: Floats) -> pin.Model:
         )
     copy = model.copy()
     for i in range(1, model.njoints):
-        copy.inertias[i] = _inertia(values[10 * (i - 1) : 10 * i], model.names[i])
+        body = np.ascontiguousarray(values[10 * (i - 1) : 10 * i])
+        if body[0] != 0.0:
+            copy.inertias[i] = pin.Inertia.FromDynamicParameters(body)
+            continue
+        if np.any(body[1:4]):
+            raise MachineError(
+                f"joint {model.names[i]!r}: first moments {body[1:4]} without mass; give the body a mass"
+            )
+        xx, xy, yy, xz, yz, zz = body[4:]
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        copy.inertias[i] = pin.Inertia(0.0, np.zeros(3), tensor)
     copy.armature = values[10 * body_count(model) :]
     return copy
-
-
-def _inertia(body: Floats, name: str) -> pin.Inertia:
-    if body[0] != 0.0:
-        return pin.Inertia.FromDynamicParameters(np.ascontiguousarray(body))
-    if np.any(body[1:4]):
-        raise MachineError(f"joint {name!r}: first moments {body[1:4]} without mass; give the body a mass")
-    xx, xy, yy, xz, yz, zz = body[4:]
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return pin.Inertia(0.0, np.zeros(3), tensor)
 
 
 def parameter_names(model: pin.Model) -> tuple[str, ...]:

@@ -17,7 +17,10 @@ def plausible(model: pin.Model, acting: Mask) -> tuple[Floats, Mask]:
     some = bodies[acting]
     alike = len(some) > 2 and np.allclose(some, some[0], rtol=1e-6, atol=1e-9 * np.abs(some[0]).max())
     ones = len(some) > 1 and np.allclose(some[:, 0], 1.0, rtol=0.0, atol=1e-9)
-    dummy = acting & (alike | ones | (bodies[:, 0] <= 0.0) | _odd(model))
+    wide = np.isin(list(model.names[1:]), list(oversized_bodies(model)))
+    moments = np.array([np.linalg.eigvalsh(body.inertia) for body in model.inertias[1:]])
+    negative = moments[:, 0] < -0.01 * np.abs(moments[:, -1]) - 1e-12
+    dummy = acting & (alike | ones | (bodies[:, 0] <= 0.0) | wide | negative)
     for k in np.flatnonzero(acting):
         bodies[k] = _rod(model, int(k) + 1) if dummy[k] else _possible(bodies[k])
     return pi, dummy
@@ -30,13 +33,6 @@ def oversized_bodies(model: pin.Model, times: float = 10.0) -> dict[str, tuple[f
     bodies = zip(map(str, model.names[1:]), model.inertias[1:], strict=True)
     wide = {name: float(np.sqrt(np.abs(x.inertia).max() / x.mass)) for name, x in bodies if x.mass > 0.0}
     return {name: (radius, size) for name, radius in wide.items() if radius > times * size}
-
-
-def _odd(model: pin.Model) -> Mask:
-    """Return the bodies of which nothing can be believed: a negative principal moment, or far too wide, (bodies,)."""
-    wide = np.isin(list(model.names[1:]), list(oversized_bodies(model)))
-    least, most = np.array([np.linalg.eigvalsh(body.inertia)[[0, -1]] for body in model.inertias[1:]]).T
-    return np.asarray(wide | (least < -0.01 * np.abs(most) - 1e-12))
 
 
 def _possible(body: Floats, least: float = 0.02, point: float = 0.01) -> Floats:

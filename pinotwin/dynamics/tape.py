@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -42,20 +42,20 @@ class Trace:
         """Return the node of a positive constant."""
         return self._node(("const", 0, 0, float(value)))
 
-    def product(self, i: int, j: int) -> tuple[int, float]:
-        """Return node and sign of a product; two constant factors become one."""
+    def product(self, i: int, j: int) -> int:
+        """Return the node of a product; two constant factors become one."""
         a, b = sorted((i, j), key=lambda k: self.nodes[k][0] != "const")
         kind, first, second, _ = self.nodes[b]
         if self.nodes[a][0] == "const" and kind == "mul" and self.nodes[first][0] == "const":
             a, b = self.constant(self.nodes[a][3] * self.nodes[first][3]), second
         if self.nodes[a][0] != "const":
             a, b = min(a, b), max(a, b)
-        return self._node(("mul", a, b, 1.0)), 1.0
+        return self._node(("mul", a, b, 1.0))
 
     def sum(self, i: int, j: int, sign: float) -> tuple[int, float]:
         """Return node and sign of ``i + sign j``."""
         if i == j:
-            return (self.product(self.constant(2.0), i)) if sign > 0 else (-1, 0.0)
+            return (self.product(self.constant(2.0), i), 1.0) if sign > 0 else (-1, 0.0)
         flip = -1.0 if (sign < 0 and j < i) else 1.0
         return self._node(("add", min(i, j), max(i, j), sign)), flip
 
@@ -148,20 +148,16 @@ class Symbol:
 
     def __mul__(self, other: Expression) -> Expression:
         if isinstance(other, Symbol):
-            node, sign = self.trace.product(self.node, other.node)
-            return Symbol(self.trace, node, sign * self.sign * other.sign)
+            return Symbol(self.trace, self.trace.product(self.node, other.node), self.sign * other.sign)
         if not isinstance(other, float | int):
             return NotImplemented
         size, sign = abs(float(other)), float(np.sign(other))
         if size == 0.0:
             return 0.0
-        if size == 1.0:
-            return Symbol(self.trace, self.node, sign * self.sign)
-        node, own = self.trace.product(self.trace.constant(size), self.node)
-        return Symbol(self.trace, node, own * sign * self.sign)
+        node = self.node if size == 1.0 else self.trace.product(self.trace.constant(size), self.node)
+        return Symbol(self.trace, node, sign * self.sign)
 
-    def __rmul__(self, other: Expression) -> Expression:
-        return self * other
+    __rmul__ = __mul__
 
     def __add__(self, other: Expression) -> Expression:
         if not isinstance(other, Symbol):
@@ -174,8 +170,7 @@ class Symbol:
         # i + s j, or j + s i = s (i + s j): the sign of the first term comes out in front.
         return 0.0 if node < 0 else Symbol(self.trace, node, sign * self.sign)
 
-    def __radd__(self, other: Expression) -> Expression:
-        return self + other
+    __radd__ = __add__
 
     def __sub__(self, other: Expression) -> Expression:
         return self + (-other)
@@ -250,35 +245,33 @@ class _Bodies:
             self.axis.append(_clean(axis))
             self.R.append(turned if turns else _clean(R0))
             self.p.append(_clean(p0) if turns else _clean(p0) + q * _clean(R0 @ axis))
-            self.body.append(_inertia(pi[10 * i : 10 * i + 10]))
+            # mass, first moment and tensor about the joint's origin
+            mass, moment = float(pi[10 * i]), pi[10 * i + 1 : 10 * i + 4].astype(object)
+            xx, xy, yy, xz, yz, zz = map(float, pi[10 * i + 4 : 10 * i + 10])
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=object)
+            self.body.append((mass, moment, tensor))
 
     def mass_matrix(self) -> dict[tuple[int, int], Expression]:
         """Return the entries (i <= j) of M that are not zero."""
-        total = [list(body) for body in self.body]
+        total: list[list[Any]] = [list(body) for body in self.body]
         out: dict[tuple[int, int], Expression] = {}
         for i in reversed(range(len(self.parent))):
             m, h, inertia = total[i]
-            self._column(i, m, h, inertia, out)
+            # the force that a unit acceleration of joint i needs, carried down
+            axis = self.axis[i]
+            f = np.cross(axis, h) if self.revolute[i] else m * axis
+            n = inertia @ axis if self.revolute[i] else np.cross(h, axis)
+            out[i, i] = axis @ (n if self.revolute[i] else f) + float(self.armature[i])
+            j = i
+            while self.parent[j] >= 0:
+                f, n = self.R[j] @ f, self.R[j] @ n
+                n = n + np.cross(self.p[j], f)
+                j = self.parent[j]
+                out[j, i] = self.axis[j] @ (n if self.revolute[j] else f)
             if self.parent[i] >= 0:
                 for k, x in enumerate(_moved(m, h, inertia, self.R[i], self.p[i])):
                     total[self.parent[i]][k] = total[self.parent[i]][k] + x
         return {key: out[key] for key in sorted(out) if not _is_zero(out[key])}
-
-    def _column(self, i, m, h, inertia, out):  # type: ignore[no-untyped-def]
-        """Fill column i of M: the force that a unit acceleration of joint i needs, carried down."""
-        axis = self.axis[i]
-        if self.revolute[i]:
-            f, n = np.cross(axis, h), inertia @ axis
-        else:
-            f, n = m * axis, np.cross(h, axis)
-        own = self.axis[i] @ (n if self.revolute[i] else f)
-        out[i, i] = own + float(self.armature[i])
-        j = i
-        while self.parent[j] >= 0:
-            f, n = self.R[j] @ f, self.R[j] @ n
-            n = n + np.cross(self.p[j], f)
-            j = self.parent[j]
-            out[j, i] = self.axis[j] @ (n if self.revolute[j] else f)
 
     def bias(self) -> dict[int, Expression]:
         """Return the entries of h that are not zero."""
@@ -324,13 +317,6 @@ def _axis(model: pin.Model, joint: int) -> tuple[bool, Floats]:
             "those can be simulated"
         )
     return joint_axis(model, joint)
-
-
-def _inertia(body: Floats):  # type: ignore[no-untyped-def]
-    """Return mass, first moment and tensor about the joint's origin."""
-    xx, xy, yy, xz, yz, zz = (float(x) for x in body[4:])
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=object)
-    return float(body[0]), body[1:4].astype(object), tensor
 
 
 def _moved(m, h, inertia, R, p):  # type: ignore[no-untyped-def]

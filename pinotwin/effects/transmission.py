@@ -106,13 +106,6 @@ def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0)
     return int(np.argmin(square - mean**2)) + width // 2
 
 
-def _posture(own: Floats, least: float = 0.05) -> Floats:
-    """Return the mean inertia behind the spring over that of every row, shape (n,), above ``least`` of the mean."""
-    mean = float(np.mean(own))
-    behind = np.maximum(own - (1.0 - LOAD) * mean, least * mean)
-    return LOAD * mean / behind
-
-
 @dataclass(frozen=True)
 class _Flexible(Shaking):
     """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load]."""
@@ -150,7 +143,9 @@ class _Flexible(Shaking):
         rest = self.channel(motion, "rigid")[:, joint] - itself
         # the spring carries all of gravity and coupling, of the inertia its share
         load = itself + rest / LOAD
-        ratio, w = _posture(own), 2.0 * np.pi * self.frequency
+        mean, w = float(np.mean(own)), 2.0 * np.pi * self.frequency
+        # mean inertia behind the spring over that of every row, which a posture cannot make vanish
+        ratio = LOAD * mean / np.maximum(own - (1.0 - LOAD) * mean, 0.05 * mean)
         out = np.zeros(len(load))
         for part in motion.segments:
             at = slice(part.start + _steadiest(load[part], 1.0 / self.frequency, motion.step), part.stop)

@@ -36,13 +36,6 @@ class Rows:
         """Return the rows of one joint."""
         return replace(self, joints=(joint,), kept=(self.kept[self.joints.index(joint)],))
 
-    def slice_of(self, joint: int) -> slice:
-        """Return where a joint's rows are when all are stacked."""
-        counts = [int(k.sum()) for k in self.kept]
-        at = self.joints.index(joint)
-        start = sum(counts[:at])
-        return slice(start, start + counts[at])
-
 
 def choose_rows(motion: Motion) -> Rows:
     """Return the rows of a motion that identification uses; DataError where no joint has a usable effort."""

@@ -118,7 +118,9 @@ def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USU
     shaken = [first.bend(log) for log in logs]
     fit = fit_plant(machine, prepare(machine, shaken), settings)
     plant = open_loop(machine, fit)
-    rest = replace(motion, u=motion.u - _friction(plant, prepare(machine, shaken[0], decimate=1)))
+    bodies = {"rigid_body", *(f"{name}.spring" for name in machine.passive)}
+    parts = plant.parts(prepare(machine, shaken[0], decimate=1))
+    rest = replace(motion, u=motion.u - sum(x for key, x in parts.items() if key not in bodies))
     return replace(first, beta=_beta(plant, first.beta, motion, settings.sure)).moved(rest)
 
 
@@ -141,13 +143,6 @@ def _beta(plant: OpenLoop, cad: Floats, motion: Motion, sure: float) -> Floats:
     size = np.abs(machine.base.regressor(machine.model, *still)[:, motors]).max(axis=(0, 1))
     by_joint = size <= 1e-9 * size.max()
     return np.where(told, np.where(by_joint, 0.5 * (cad + found), found), cad)
-
-
-def _friction(plant: OpenLoop, motion: Motion) -> Floats:
-    """Return what all but the bodies take of the effort, shape (n, nv)."""
-    bodies = {"rigid_body", *(f"{name}.spring" for name in plant.machine.passive)}
-    parts = plant.parts(motion)
-    return np.sum([x for key, x in parts.items() if key not in bodies], axis=0) + np.zeros_like(motion.u)
 
 
 def _unexplained(W: Floats, v: Floats, u: Floats, motors: Sequence[int]) -> Floats:

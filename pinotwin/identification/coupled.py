@@ -13,8 +13,10 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import PLANT, AxisProblem, Factors, Found, look, settle, shared
-from pinotwin.identification.servo.problem import skipped
+from pinotwin.identification.servo.certainty import shared
+from pinotwin.identification.servo.output_error import Found
+from pinotwin.identification.servo.problem import PLANT, AxisProblem, Factors, skipped
+from pinotwin.identification.servo.structure import look, settle
 from pinotwin.identification.settings import USUAL, Settings, Tell, better
 from pinotwin.log import Log
 from pinotwin.logs.quality import lattice

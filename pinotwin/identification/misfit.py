@@ -40,7 +40,10 @@ def misfit_of(plant: OpenLoop, motion: Motion, known: CrossValidated, settings: 
     if known.held is None:
         return None
     theta = known.held.theta + plant.theta - known.held.whole
-    fold = _fold_of_rows(known, known.held.fold)
+    fold = np.full(known.length, -1)
+    fold[known.rows.sample[known.problem.time]] = known.held.fold
+    there = np.flatnonzero(fold >= 0)  # a row belongs to the part of the fitted one before it
+    fold = fold[there[np.clip(np.searchsorted(there, np.arange(len(fold)), side="right") - 1, 0, None)]]
     foreseen = _foreseen(motion, known, known.held)
     residual = _residual(plant, motion, theta, fold)
     return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use), log)
@@ -119,14 +122,6 @@ def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Flo
     if motion.external is not None:
         effort = effort - motion.external
     return motion.u - effort
-
-
-def _fold_of_rows(known: CrossValidated, fold: Ints) -> Ints:
-    """Return the part each row of the motion belongs to, (n,): that of the fitted row before it."""
-    out = np.full(known.length, -1)
-    out[known.rows.sample[known.problem.time]] = fold
-    there = np.flatnonzero(out >= 0)
-    return out[there[np.clip(np.searchsorted(there, np.arange(len(out)), side="right") - 1, 0, None)]]
 
 
 def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:

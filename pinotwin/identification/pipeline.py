@@ -35,7 +35,6 @@ from pinotwin.logs.quality.recorded import habits
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
-from pinotwin.solve.result import LinearFit
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.moments import Moments
@@ -108,12 +107,18 @@ def _twin(
     closed: ClosedLoops, fit: Plant, known: CrossValidated, by: Settings, quality: Any, **rest: Any
 ) -> Twin:
     """Return the twin of a plant and its loops, with what it keeps of its logs."""
-    moments = moments_of(closed.plant, fit.motion, known, fit.fit)
-    days = friction_scatter(closed.plant, moments, fit.fit.sigma)
+    plant, motion, linear, problem = closed.plant, fit.motion, fit.fit, known.problem
+    if not known.serves(plant.effects, motion):  # loops changed the effects
+        problem = assemble(plant.scene(without_model(motion)), plant.effects, known.rows)
+    log, N = known.log[known.rows.sample[problem.time]], linear.factor.T @ linear.factor
+    parts, lags = [problem.rows(log == k) for k in np.unique(log)], memory(motion)
+    scores, pi = N @ linear.covariance @ N, parameters(plant.machine.model)
+    moments = Moments.of(parts, plant.machine.nv, plant.theta, lags, scores, linear.dof, pi)
+    days = friction_scatter(plant, moments, linear.sigma)
     return closed.twin(
         quality={**quality, "days": days, **closed.quality},
-        groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, fit.motion, known, by),
+        groups=linear.group_names(),
+        misfit=misfit_of(plant, motion, known, by),
         moments=moments,
         **rest,
     )
@@ -127,17 +132,6 @@ def _with_bodies(
     if not consistent or machine.passive:  # a passive joint's own row completes its bodies, see find_springs
         return fit, validated, None
     return near_urdf(machine, fit, validated, settings)
-
-
-def moments_of(plant: OpenLoop, motion: Motion, known: CrossValidated, fit: LinearFit) -> Moments:
-    """Return what is kept of the rows, which are assembled again where loops changed the effects of the plant."""
-    problem, N = known.problem, fit.factor.T @ fit.factor
-    if not known.serves(plant.effects, motion):
-        problem = assemble(plant.scene(without_model(motion)), plant.effects, known.rows)
-    log = known.log[known.rows.sample[problem.time]]
-    parts, lags = [problem.rows(log == k) for k in np.unique(log)], memory(motion)
-    pi = parameters(plant.machine.model)
-    return Moments.of(parts, plant.machine.nv, plant.theta, lags, N @ fit.covariance @ N, fit.dof, pi)
 
 
 def _unseen(

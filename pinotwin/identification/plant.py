@@ -91,38 +91,33 @@ def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | No
     coefficients = [c for effect in effects for c in effect.coefficients()]
     mean = np.zeros(len(coefficients))
     mean[rigid_body_of(effects)[1]] = machine.base.from_standard(parameters(machine.model))
-    belief, alike = _belief(effects)
+    belief, alike, ridge = _beliefs(effects, motion)
     return Options(
         prior=mean,
         belief=belief,
         alike=alike,
-        ridge=None if motion is None else _ridge(effects, motion),
+        ridge=ridge,
         lower=np.array([c.lower for c in coefficients]),
         upper=np.array([c.upper for c in coefficients]),
     )
 
 
-def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
-    slices = effect_slices(effects)
-    out = np.full(slices[-1].stop, np.inf)
-    for effect, where in zip(effects, slices, strict=True):
-        if effect.held and effect.belief() is None:
-            assert effect.axis is not None
-            u = motion.u[:, motion.index(effect.axis)]
-            out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
-    return out if np.isfinite(out).any() else None
-
-
-def _belief(effects: Sequence[Effect]) -> tuple[Floats | None, Floats | None]:
-    """Return the rows of what is believed of the coefficients, and how many of the data are as one of each."""
+def _beliefs(effects: Sequence[Effect], motion: Motion | None) -> tuple[Floats | None, ...]:
+    """Return rows of what is believed, how many of the data are as one of each, and the ridge of what is held."""
     slices, rows, alike = effect_slices(effects), [], []
+    ridge = np.full(slices[-1].stop, np.inf)
     for effect, where in zip(effects, slices, strict=True):
         if (said := effect.belief()) is not None:
-            own = np.zeros((len(said[0]), slices[-1].stop))
+            own = np.zeros((len(said[0]), len(ridge)))
             own[:, where] = said[0]
             rows.append(own)
             alike.append(np.full(len(own), said[1]))
-    return (np.concatenate(rows), np.concatenate(alike)) if rows else (None, None)
+        elif effect.held and motion is not None:
+            assert effect.axis is not None
+            u = motion.u[:, motion.index(effect.axis)]
+            ridge[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
+    held = ridge if np.isfinite(ridge).any() else None
+    return (np.concatenate(rows), np.concatenate(alike), held) if rows else (None, None, held)
 
 
 def _solve(

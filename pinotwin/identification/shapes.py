@@ -43,9 +43,9 @@ def search_shapes(
     present = {k: np.array(effects[i].shape_values()) for k, i in enumerate(searched)}
     known = {} if unknown is None else {k: x for k, x in present.items() if searched[k] not in unknown}
     ordered = options.by_coefficient(lambda x, _: x[order])
-    found = separable(assemble(motion, [effects[i] for i in fixed], rows), blocks, ordered, known)
-    shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
-    return _restored(found.fit, np.argsort(order), names), shaped, errors, bounds
+    fit, shapes = separable(assemble(motion, [effects[i] for i in fixed], rows), blocks, ordered, known)
+    shaped, errors, bounds = _with_shapes(effects, searched, shapes)
+    return _restored(fit, np.argsort(order), names), shaped, errors, bounds
 
 
 def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
@@ -76,8 +76,8 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
     shapes = effect.shapes()
     joints = sorted(set(effect.columns(motion).joints) & set(rows.joints))
     # thousands of trials: a copy by mask costs as much as what is copied
-    masks = [rows.kept[rows.joints.index(joint)] for joint in joints]
-    picks = [None if kept.all() else np.flatnonzero(kept) for kept in masks]
+    at = [rows.joints.index(joint) for joint in joints]
+    picks = [None if rows.kept[k].all() else np.flatnonzero(rows.kept[k]) for k in at]
 
     def columns(values: Floats) -> Floats:
         own = effect.shaped(values.tolist()).columns(motion)
@@ -85,7 +85,8 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
         kept = [x if pick is None else x.take(pick, axis=0) for x, pick in zip(found, picks, strict=True)]
         return kept[0] if len(kept) == 1 else np.concatenate(kept)
 
-    places = [rows.slice_of(joint) for joint in joints]
+    ends = np.cumsum([0, *(kept.sum() for kept in rows.kept)]).tolist()
+    places = [slice(ends[k], ends[k + 1]) for k in at]
     return Moving(
         name=key,
         rows=places[0] if len(places) == 1 else np.r_[*places],
@@ -125,5 +126,5 @@ def _with_shapes(
         mine = [left.pop(0) for _ in effects[i].shapes()]
         out[i] = effects[i].shaped([s.value for s in mine])
         errors[i] = np.array([s.standard_error for s in mine])
-        bounds[i] = np.array([s.bound is not None for s in mine])
+        bounds[i] = np.array([s.at_bound for s in mine])
     return tuple(out), np.concatenate(errors), np.concatenate(bounds)

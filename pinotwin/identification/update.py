@@ -151,7 +151,12 @@ def _added(
     before, rows = _Solved.of(twin, known.motion, held, settings), list(map(choose_rows, new))
     problems = [assemble(twin.scene(m), twin.effects, r) for m, r in zip(new, rows, strict=True)]
     for motion, problem in zip(new, problems, strict=True):
-        _of_this_machine(twin, motion, problem)
+        left = problem.y - problem.W @ twin.theta
+        if all(rms(left[part]) > np.std(problem.y[part]) for part in problem.slices.values()):
+            raise DataError(
+                f"{motion.source}: the twin of {twin.machine.name} explains nothing of any effort in it; it is a log "
+                "of another machine, or its units or signs differ"
+            )
     nv, lags, nothing = twin.machine.nv, memory(new[0]), (0.0 * held.scores, 0.0 * held.scores[0])
     rough = held + Moments.of(problems, nv, twin.theta, lags, *nothing, held.pi)
     free = _Solved.of(twin, known.motion, rough, settings)
@@ -179,16 +184,6 @@ def _added(
     quality.pop("validation_source", None)
     solved = {f.name: getattr(found, f.name) for f in fields(OpenLoop) if f.name != "diagonal"}
     return replace(twin, **solved, quality=quality, groups=fit.group_names(), misfit=misfit, moments=moments)
-
-
-def _of_this_machine(twin: Twin, motion: Motion, problem: Problem) -> None:
-    """Refuse a log in which the twin explains nothing of any axis' effort."""
-    left = problem.y - problem.W @ twin.theta
-    if all(rms(left[part]) > np.std(problem.y[part]) for part in problem.slices.values()):
-        raise DataError(
-            f"{motion.source}: the twin of {twin.machine.name} explains nothing of any effort in it; it is a log of "
-            "another machine, or its units or signs differ"
-        )
 
 
 def _figures(

@@ -6,7 +6,9 @@ What a model leaves is never white: the covariance is the sandwich of :func:`pin
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -17,11 +19,10 @@ from pinotwin.errors import DataError
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Bounds, Layout, Parameter, lay_out
 from pinotwin.loop.model import LoopFit, LoopModel, ParameterFit
-from pinotwin.loop.projection import Misfit, Projection, Scales
+from pinotwin.loop.projection import Projection, Scales
 from pinotwin.loop.search import search
 from pinotwin.loop.sections import discretise
 from pinotwin.loop.structure import Structure
-from pinotwin.solve.descent import End
 from pinotwin.solve.sandwich import batch_means
 
 
@@ -58,9 +59,12 @@ def identify_loop(
         model = LoopModel(*names, data.step, layout.structure, layout.shaped(found.x), residues)
         if not judged:
             return model
-        spread = _variances(projection, found.x, on_bound(layout, found.x) != 0)
-    fit = _judge(data, projection, found, misfit, spread)
-    return replace(model, fit=replace(fit, ends=ends))
+        variances, blocks = _variances(projection, found.x, on_bound(layout, found.x) != 0)
+    left = misfit.residual.reshape(layout.outputs, -1)
+    quantile = float(scipy.stats.t.ppf(0.975, max(blocks - 1, 1)))
+    rest = {"blocks": blocks, "evaluations": found.evaluations, "ends": ends}
+    fit = account(data, layout, found.x, variances, left, quantile, **rest)
+    return replace(model, fit=replace(fit, notes=_notes(fit.parameters)))
 
 
 def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
@@ -70,30 +74,31 @@ def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
     return np.where(theta <= low + near, -1, np.where(theta >= high - near, 1, 0))
 
 
-def _judge(
-    data: LoopData, projection: Projection, found: End, misfit: Misfit, spread: tuple[Floats, int]
+def account(
+    data: LoopData,
+    layout: Layout,
+    theta: Floats,
+    variances: Floats,
+    left: Floats,
+    quantile: float = 1.96,
+    **rest: Any,
 ) -> LoopFit:
-    layout, (variances, blocks) = projection.layout, spread
-    sides = on_bound(layout, found.x)
-    quantile = float(scipy.stats.t.ppf(0.975, max(blocks - 1, 1)))
-    numbers = zip(layout.parameters, found.x, sides, variances, strict=True)
-    parameters = [pole_fit(p, x, int(side), variance, quantile) for p, x, side, variance in numbers]
-    parts = misfit.residual.reshape(layout.outputs, -1)
-    rms = np.sqrt(np.sum(parts**2, axis=1) / data.rows) * projection.scales.outputs
-    rows = np.r_[*data.segments]
-    size = np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
+    """Return poles, theta (np,), with intervals of so many standard errors, and the errors of the outputs.
+
+    What is ``left`` of them is over their RMS, shape (ny, n).
+    """
+    numbers = zip(layout.parameters, theta, on_bound(layout, theta), variances, strict=True)
+    nrmse = np.sqrt(np.sum(left**2, axis=1) / data.rows)
     return LoopFit(
-        parameters=tuple(parameters),
-        nrmse=dict(zip(data.output_names, (rms / size).tolist(), strict=True)),
-        rms=dict(zip(data.output_names, rms.tolist(), strict=True)),
+        parameters=tuple(_pole(p, x, int(side), variance, quantile) for p, x, side, variance in numbers),
+        nrmse=dict(zip(data.output_names, nrmse.tolist(), strict=True)),
+        rms=dict(zip(data.output_names, (nrmse * Scales.of(data).outputs).tolist(), strict=True)),
         samples=data.rows,
-        blocks=blocks,
-        evaluations=found.evaluations,
-        notes=_notes(parameters),
+        **rest,
     )
 
 
-def pole_fit(p: Parameter, x: float, side: int, variance: float, quantile: float) -> ParameterFit:
+def _pole(p: Parameter, x: float, side: int, variance: float, quantile: float) -> ParameterFit:
     """Return one searched pole at its logarithm x, with the interval of so many standard errors."""
     value = math.exp(x) / p.scale
     error = None if side else math.sqrt(max(variance, 0.0))
@@ -106,7 +111,7 @@ def pole_fit(p: Parameter, x: float, side: int, variance: float, quantile: float
     return ParameterFit(p.name, value, unit, (p.lower, p.upper), error, interval, where)
 
 
-def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
+def _notes(parameters: Sequence[ParameterFit]) -> tuple[str, ...]:
     notes = [
         f"{p.name} = {p.value:.4g} {p.unit} ended on its {p.at_bound} bound: the log does not "
         "fix it, or the structure has a pole too many"

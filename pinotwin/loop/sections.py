@@ -106,7 +106,7 @@ class ModalStep:
     def respond(self, w: Floats, x: Floats, C: Floats, out: Floats) -> None:
         """Add the outputs C (ny, k, 2) of the states, begun at x (k, 2), to ``out`` (n, ny), for inputs w (n, m)."""
         B, driven = np.stack([self.B0, self.B1], axis=1), np.ascontiguousarray(w.T[self.input])
-        simulate(self.A, B, C, driven, x.copy(), 0, len(w), out)
+        simulate(self.A, B, C, driven, x, out)
 
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
         """Return C (ny, k, 2), D, E, F of the outputs' first or second derivative: C x + D w + E w' + F w''.
@@ -169,21 +169,18 @@ def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: F
 
 
 @compiled(nogil=True)
-def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
-    A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
-) -> None:
-    """Step a modal system from states x (k, 2) over rows of inputs w (k, n) and add its response to out (n, ny).
+def simulate(A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, out: Floats) -> None:
+    """Step a modal system from states x (k, 2) over inputs w (k, n) and add its response to out (n, ny).
 
-    A (k, 2, 2), B (k, 2, 2) as [block, start or end of the interval, state], C (ny, k, 2); x ends at the last row.
+    A (k, 2, 2), B (k, 2, 2) as [block, start or end of the interval, state], C (ny, k, 2).
     """
     for b in range(len(A)):
         p, q = x[b, 0], x[b, 1]
-        for k in range(start, stop):
-            if k > start:
+        for k in range(w.shape[1]):
+            if k > 0:
                 v, z = w[b, k - 1], w[b, k]
                 r = A[b, 0, 0] * p + A[b, 0, 1] * q + B[b, 0, 0] * v + B[b, 1, 0] * z
                 q = A[b, 1, 0] * p + A[b, 1, 1] * q + B[b, 0, 1] * v + B[b, 1, 1] * z
                 p, q = flush(r), flush(q)
             for j in range(len(C)):
                 out[k, j] += C[j, b, 0] * p + C[j, b, 1] * q
-        x[b, 0], x[b, 1] = p, q

@@ -215,8 +215,11 @@ class Servo:
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Return 90 % intervals of :meth:`named` and :meth:`combined`; where kp and 1/ti are tied, both ways round."""
-        told, ends = {**self.named(), **self.combined()}, self._ends()
-        out = {}
+        told, out, ends = {**self.named(), **self.combined()}, {}, list[dict[str, float]]()
+        if DISTANCE in self.errors:  # the cascades with the lowest and the highest 1/ti of this feedback
+            roots, error = Roots.of(self.gains, self.velocity_lag), TWO_SIDED * self.errors[DISTANCE]
+            rates = roots.rates(self.cascade()["rate"], error, tied=self.tied)
+            ends = [f for f in map(self.with_rate, rates) if f is not None]
         for name, error in self.errors.items():
             if name not in told:
                 continue
@@ -225,14 +228,6 @@ class Servo:
             low, high, own = min(values), max(values), TWO_SIDED * error
             out[name] = low - math.hypot(low - min(far), own), high + math.hypot(max(far) - high, own)
         return out
-
-    def _ends(self) -> list[dict[str, float]]:
-        """Return the cascades with the lowest and the highest 1/ti that go with the feedback."""
-        if DISTANCE not in self.errors:
-            return []
-        roots, tied = Roots.of(self.gains, self.velocity_lag), self.tied
-        rates = roots.rates(self.cascade()["rate"], TWO_SIDED * self.errors[DISTANCE], tied=tied)
-        return [f for f in map(self.with_rate, rates) if f is not None]
 
     def determined(self) -> dict[str, bool]:
         """Return which gains and combinations the log determines: to :data:`NARROW` of itself, a feed-forward of 1."""

@@ -111,14 +111,6 @@ def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tupl
     return q @ N.T, e @ N.T, effort
 
 
-def _commands_hint(machine: Machine, held: Iterable[str], name: str) -> str:
-    """Return which columns might be commands: those that are not known to be something else."""
-    taken = {"t", *(f"{axis}.{kind}" for axis in machine.axes for kind in ("q", "qr", "v", "u", "e"))}
-    taken |= {str(column.column) for key, column in machine.columns.items() if not key.endswith(".qr")}
-    free = [channel for channel in held if channel not in taken]
-    return nearest(name, free) if free else "none of its columns is left for it"
-
-
 def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     """Refuse a log without time or commands, or with holes in them."""
     if "t" not in log:
@@ -127,10 +119,13 @@ def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     missing = [name for name in names if name not in log]
     if missing:
         more = f" and {len(missing) - 2} more" if len(missing) > 2 else ""
+        taken = {"t", *(f"{axis}.{kind}" for axis in machine.axes for kind in ("q", "qr", "v", "u", "e"))}
+        taken |= {str(column.column) for key, column in machine.columns.items() if not key.endswith(".qr")}
+        free = [channel for channel in held if channel not in taken]  # not known to be something else
+        hint = nearest(missing[0], free) if free else "none of its columns is left for it"
         raise LogError(
             f"{log.source}: no channel {', '.join(missing[:2])}{more}; a simulation needs the command of every "
-            f"axis: record it too, or name its column under `columns` in machine.yaml; "
-            f"{_commands_hint(machine, held, missing[0])}"
+            f"axis: record it too, or name its column under `columns` in machine.yaml; {hint}"
         )
     if len(log) < FEWEST:
         raise DataError(f"{log.source}: {len(log)} rows, at least {FEWEST} are needed to simulate")

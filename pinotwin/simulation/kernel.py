@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,11 +59,8 @@ class Blocks(NamedTuple):
     ideal: Ints  # 1 for a joint that follows its command exactly, shape (nv,)
 
 
-class _Laid(NamedTuple):
-    """The blocks of one joint, and what other disturbances do to it."""
-
-    blocks: tuple[Floats, ...]
-    others: tuple[tuple[int, Floats], ...] = ()
+_Stack = tuple[Any, ...]  # ``command``, ``source``, ``A``, ``B0``, ``B1`` and ``C`` of one joint
+_Reach = list[tuple[int, Floats]]  # Other disturbances that act on it, and their row of ``reach``
 
 
 def lay_blocks(
@@ -72,49 +69,43 @@ def lay_blocks(
     """Return all joints' blocks at an internal step [s]; TwinError if a loop cannot be laid or a spring is missing."""
     direct, ideal = np.zeros((machine.nv, 9)), np.zeros(machine.nv, dtype=np.intp)
     held = {_partner(machine, loop): name for name, loop in loops.items() if _wide(loop)}
-    laid: list[_Laid | None] = []
+    blocks, counts, others = list[_Stack](), [0], list[tuple[int, int, Floats]]()
     for j, name in enumerate(machine.names):
         if name in held:
-            loop = loops[held[name]]
             sources = [machine.names.index(held[name]), j]
-            laid.append(_of_vibration(loop, step, direct[j], sources))
+            own, reach = _of_vibration(loops[held[name]], step, direct[j], sources)
         elif name in machine.passive:
             terms = (float(diagonal[k][j]) for k in ("inertia", "viscous", "stiffness"))
-            laid.append(_of_loop(_sprung(name, *terms), step, direct[j], [j]))
+            own, reach = _of_loop(_sprung(name, *terms), step, direct[j], [j])
         elif name in loops:
             sources = [j]
             if _wide(loops[name]):
                 sources.append(machine.names.index(_partner(machine, loops[name])))
-            laid.append(_of_loop(loops[name], step, direct[j], sources))
+            own, reach = _of_loop(loops[name], step, direct[j], sources)
         else:
-            laid.append(None)
             ideal[j] = 1
+            counts.append(0)
+            continue
+        blocks.append(own)
+        counts.append(len(own[0]))
+        others += [(j, source, gains) for source, gains in reach]
     pairs = [(machine.names.index(p), machine.names.index(a)) for p, a in held.items()]
-    return _joined(laid, direct, pairs, ideal)
-
-
-def _joined(laid: list[_Laid | None], direct: Floats, pairs: list[tuple[int, int]], ideal: Ints) -> Blocks:
-    shapes = ((), (), (2, 2), (2,), (2,), (4, 2))
-    parts = [tuple(np.zeros((0, *shape)) for shape in shapes)]
-    parts += [part.blocks for part in laid if part is not None]
     command, source, A, B0, B1, C = (
-        np.ascontiguousarray(np.concatenate(x)) for x in zip(*parts, strict=True)
+        np.ascontiguousarray(np.concatenate(x)) for x in zip(*blocks, strict=True)
     )
-    counts = [0 if part is None else len(part.blocks[0]) for part in laid]
-    cross = [(j, s, x) for j, part in enumerate(laid) if part for s, x in part.others]
     return Blocks(
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.intp),
-        command.astype(np.intp),
-        source.astype(np.intp),
+        np.cumsum(counts),
+        command,
+        source,
         A,
         B0,
         B1,
         C,
-        direct,
-        np.array([(j, s) for j, s, _ in cross], dtype=np.intp).reshape(-1, 2),
-        np.array([x for *_, x in cross], dtype=float).reshape(-1, 3),
-        np.array(pairs, dtype=np.intp).reshape(-1, 2),
-        ideal,
+        direct=direct,
+        others=np.array([x[:2] for x in others], dtype=np.intp).reshape(-1, 2),
+        reach=np.array([x[2] for x in others], dtype=float).reshape(-1, 3),
+        pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
+        ideal=ideal,
     )
 
 
@@ -130,7 +121,7 @@ def _partner(machine: Machine, loop: LoopModel) -> str:
     return name
 
 
-def _of_loop(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -> _Laid:
+def _of_loop(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -> tuple[_Stack, _Reach]:
     """Return the blocks of an axis' loop; fill its row of direct terms."""
     if len(loop.disturbances) != len(sources):
         raise TwinError(
@@ -144,11 +135,11 @@ def _of_loop(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -
     C = np.stack([modal.C[0], C1[0], C2[0], modal.C[1]], axis=1)  # (k, 4, 2)
     reach, u, ua = _late(modal, C), modal.D[1], modal.Da[1]
     direct[:] = D1[0, -1], D2[0, -1], E2[0, -1], D2[0, 0], u[-1], ua, u[0], *reach[0]
-    others = tuple((sources[i], np.array([D2[0, i], *reach[i]])) for i in range(1, len(loop.disturbances)))
-    return _Laid(_stacked(modal, C, sources), others)
+    others = [(sources[i], np.array([D2[0, i], *reach[i]])) for i in range(1, len(loop.disturbances))]
+    return _stacked(modal, C, sources), others
 
 
-def _of_vibration(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -> _Laid:
+def _of_vibration(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -> tuple[_Stack, _Reach]:
     """Return the blocks of a passive joint in the loop of its axis: e = -angle, u = 0."""
     modal = loop.modal(step)
     C1, D1, _, _ = modal.derivative(1)
@@ -156,8 +147,7 @@ def _of_vibration(loop: LoopModel, step: float, direct: Floats, sources: list[in
     C = -np.stack([angle, modal.C[2], C1[2], np.zeros_like(angle)], axis=1)
     reach = _late(modal, C)
     direct[GAIN], direct[LOAD_E] = -D1[2, 1], reach[1][0]
-    others = ((sources[0], np.array([-D1[2, 0], *reach[0]])),)
-    return _Laid(_stacked(modal, C, sources), others)
+    return _stacked(modal, C, sources), [(sources[0], np.array([-D1[2, 0], *reach[0]]))]
 
 
 def _late(modal: ModalStep, C: Floats) -> list[tuple[float, float]]:
@@ -169,11 +159,10 @@ def _late(modal: ModalStep, C: Floats) -> list[tuple[float, float]]:
     return out
 
 
-def _stacked(modal: ModalStep, C: Floats, sources: list[int]) -> tuple[Floats, ...]:
-    last = modal.inputs - 1
-    commanded = (modal.input == last).astype(float)
-    source = np.array([*sources, sources[0]])[modal.input]
-    return commanded, source.astype(float), modal.A, modal.B0, modal.B1, C
+def _stacked(modal: ModalStep, C: Floats, sources: list[int]) -> _Stack:
+    commanded = (modal.input == modal.inputs - 1).astype(np.intp)
+    source = np.array([*sources, sources[0]], dtype=np.intp)[modal.input]
+    return commanded, source, modal.A, modal.B0, modal.B1, C
 
 
 def _sprung(name: str, inertia: float, viscous: float, stiffness: float) -> LoopModel:

@@ -12,7 +12,7 @@ from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
-from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
+from pinotwin.simulation.state import Lookup, Modes, Parts
 from pinotwin.simulation.tables import tabulate
 from pinotwin.twin.open_loop import OpenLoop
 
@@ -42,10 +42,6 @@ class Plant:
             slope = max(float(np.abs(tables.slip[k]).max() * np.mean(tables.give[k])), 1e-12)
             longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), shortest))
         return int(np.ceil(sampling / longest - 1e-9))
-
-    def state(self, **rooms: int) -> State:
-        """Return a machine at rest at zero; see :func:`pinotwin.simulation.state.at_rest`."""
-        return at_rest(self.tables, self.start.copy(), **rooms)
 
     def hanging(self, h: float) -> Modes:
         """Return the loads on springs at the internal step h [s], exact for an acceleration a that is held within it.

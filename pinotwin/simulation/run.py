@@ -24,7 +24,8 @@ from pinotwin.simulation.law import LONGEST, law_rows, substeps
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
-from pinotwin.simulation.state import Command, Record, records
+from pinotwin.simulation.state import Command, Record, at_rest
+from pinotwin.solve.lead import put_back
 from pinotwin.system.phrases import BEYOND
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
@@ -85,8 +86,7 @@ def simulate(
     channels = {"t": asked.t}
     for axis in machine.axes.values():
         if axis.lead:  # the log's effort is ahead of its position: what acts at t is written down before
-            then = np.clip(asked.t + axis.lead, asked.t[0], asked.t[-1])
-            u[:, axis.index] = scipy.interpolate.CubicSpline(asked.t, u[:, axis.index])(then)
+            u[:, axis.index] = put_back(asked.t, u[:, axis.index], -axis.lead)
     for name, axis in machine.axes.items():
         for kind, x in (("q", q), ("e", e), ("u", u)):
             channels[f"{name}.{kind}"] = x[:, axis.index]
@@ -143,7 +143,10 @@ def respond(
     if plant.other:
         out, late = _repeat(run, out)
         notes = (*notes, *late)
-    return replace(_logged(twin, out), notes=(*asked.notes, *notes))
+    wrong = tuple(pair for pair in twin.pairs if pair[0].logged_effort)
+    if wrong:  # as the twin's effort channel logs it: late, or off by a factor
+        out = replace(out, u=out.u + _effort(wrong, twin.scene(as_motion(twin, out))))
+    return replace(out, notes=(*asked.notes, *notes))
 
 
 def preferred(twin: Twin) -> str:
@@ -249,14 +252,6 @@ def _along(twin: Twin, asked: Request, *state: Floats, **more: Floats) -> Motion
     )
 
 
-def _logged(twin: Twin, out: Response) -> Response:
-    """Return a response with the effort as the twin's effort channel logs it: late, or off by a factor."""
-    wrong = tuple(pair for pair in twin.pairs if pair[0].logged_effort)
-    if not wrong:
-        return out
-    return replace(out, u=out.u + _effort(wrong, twin.scene(as_motion(twin, out))))
-
-
 def _effort(effects: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
     """Return the effort of some effects along a motion, shape (n, nv)."""
     return sum((effect.along(motion, theta) for effect, theta in effects), start=np.zeros(motion.q.shape))
@@ -288,23 +283,39 @@ class _Run:
 
     def under(self, extra: Floats) -> Response:
         """Return the response under an effort (n, nv) that holds the machine back."""
-        asked, (n, nv), machine = self.asked, self.asked.qr.shape, self.twin.machine
-        load = np.ascontiguousarray(asked.external - extra)
-        command = Command(asked.qr, asked.vr, load, asked.step, self.substeps, self.plant.limit)
+        asked, (n, nv), machine, plant = self.asked, self.asked.qr.shape, self.twin.machine, self.plant
+        load, h = np.ascontiguousarray(asked.external - extra), asked.step / self.substeps
+        command = Command(asked.qr, asked.vr, load, asked.step, self.substeps, plant.limit)
         qr, vr = beginning(command.qr, command.vr, command.step)
-        out = records(n, nv, self.full)
-        row, joint = (_coupled if self.coupled else _loops)(
-            self, command, command._replace(qr=qr, vr=vr), out
-        )
+        rows = (n, n, n, *[n if self.full else 0] * 3)  # q, e and u always
+        out, loop = Record(*(np.zeros((k, nv)) for k in rows)), coupled_kernel if self.coupled else kernel
+        if self.coupled:
+            closed, rooms = self._controllers(h)
+        else:
+            blocks = lay_blocks(machine, self.closed, self.twin.diagonal, h)
+            closed, rooms = (blocks,), {"blocks": len(blocks.A)}
+        given = (plant.parts, plant.tables, *closed)
+        state = at_rest(plant.tables, plant.start.copy(), **rooms)
+        loop.settle(*given, command._replace(qr=qr, vr=vr), state)
+        row, joint = loop.run(*given, command, state, out)
         if row >= 0:
             raise DataError(
                 f"{machine.name}: the simulation diverges from its command at t = {asked.clock[row]:.4g} s on "
-                f"axis {machine.names[joint]}: tracking error beyond {self.plant.limit[joint]:.3g}; the twin's "
+                f"axis {machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
                 "loop and plant do not fit together, identify it again, or give a shorter step"
             )
         return Response(
             asked, machine.names, **out._asdict(), loops=self.loops(), substeps=self.substeps, notes=()
         )
+
+    def _controllers(self, h: float) -> tuple[tuple[Any, ...], dict[str, int]]:
+        """Return the kinds of joints, controllers and loads on springs at an internal step [s], and their room."""
+        names, passive = self.twin.machine.names, self.twin.machine.passive
+        kinds = dict.fromkeys(names, coupled_kernel.IDEAL) | dict.fromkeys(passive, coupled_kernel.PASSIVE)
+        kinds |= dict.fromkeys(self.closed, coupled_kernel.SERVO)
+        laws, modes = law_rows([self.closed.get(name) for name in names], h), self.plant.hanging(h)
+        room = {"late": int(laws["whole"].max(initial=0.0)) + 2, "modes": len(modes.joint)}
+        return (np.array([kinds[name] for name in names]), laws, modes), room
 
     def loops(self) -> dict[str, LoopModel]:
         """Return the closed loops; those of controllers are made only for a whole response."""
@@ -313,36 +324,6 @@ class _Run:
         M, C = self.twin.diagonal["inertia"], self.twin.diagonal["viscous"]
         at = {name: self.twin.machine.axes[name].index for name in self.closed}
         return {k: close(x, float(M[at[k]]), float(C[at[k]]), axis=k) for k, x in self.closed.items()}
-
-
-def _loops(run: _Run, command: Command, begun: Command, out: Record) -> tuple[int, int]:
-    """Simulate identified transfer functions, the nonlinear disturbance fed back."""
-    blocks = lay_blocks(run.twin.machine, run.closed, run.twin.diagonal, command.step / command.substeps)
-    state, given = run.plant.state(blocks=len(blocks.A)), (run.plant.parts, run.plant.tables, blocks)
-    kernel.settle(*given, begun, state)
-    row, joint = kernel.run(*given, command, state, out)
-    return row, joint
-
-
-def _coupled(run: _Run, command: Command, begun: Command, out: Record) -> tuple[int, int]:
-    """Simulate the identified controllers around the identified plant."""
-    machine, h = run.twin.machine, command.step / command.substeps
-    kinds = [
-        coupled_kernel.SERVO
-        if name in run.closed
-        else coupled_kernel.PASSIVE
-        if name in machine.passive
-        else coupled_kernel.IDEAL
-        for name in machine.names
-    ]
-    laws = law_rows([run.closed.get(name) for name in machine.names], h)
-    modes = run.plant.hanging(h)
-    given = (run.plant.parts, run.plant.tables, np.array(kinds), laws, modes)
-    late = int(laws["whole"].max(initial=0.0)) + 2
-    state = run.plant.state(late=late, modes=len(modes.joint))
-    coupled_kernel.settle(*given, begun, state)
-    row, joint = coupled_kernel.run(*given, command, state, out)
-    return row, joint
 
 
 def feedforward(twin: Twin, log: Log) -> Log:

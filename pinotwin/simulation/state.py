@@ -117,8 +117,3 @@ class Record(NamedTuple):
     v: Floats  # velocity
     a: Floats  # acceleration
     d: Floats  # generalised disturbance
-
-
-def records(n: int, nv: int, full: bool) -> Record:
-    """Return arrays for the results."""
-    return Record(*(np.zeros((n if full or k < 3 else 0, nv)) for k in range(6)))

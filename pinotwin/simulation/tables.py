@@ -141,7 +141,13 @@ def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats
     """Return the sum of position efforts on an even grid, on knots and fine enough for lines; its start and spacing."""
     if not efforts:
         return np.zeros(1), np.array([travel[0], 1.0])
-    start, spacing = _first_grid(effects, travel)
+    tables = [np.asarray(e.knots) for e in effects if hasattr(e, "knots")]
+    if tables:  # on the knots of the finest
+        knots = min(tables, key=lambda k: float(k[1] - k[0]))
+        spacing = float(knots[1] - knots[0])
+        start = float(knots[0] - np.ceil((knots[0] - travel[0]) / spacing) * spacing)
+    else:
+        start, spacing = float(travel[0]), float(travel[1] - travel[0]) / 256.0
     while True:
         count = int(np.ceil((travel[1] - start) / spacing))
         q = start + 0.5 * spacing * np.arange(2 * count + 1)
@@ -152,16 +158,6 @@ def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats
         spacing *= 0.5
         if 2 * count >= _MOST:
             return values, np.array([start, spacing])
-
-
-def _first_grid(effects: Sequence[Effect], travel: Floats) -> tuple[float, float]:
-    """Return start and spacing of the first grid to try: on the knots of the finest table, if any."""
-    tables = [np.asarray(e.knots) for e in effects if hasattr(e, "knots")]
-    if not tables:
-        return float(travel[0]), float(travel[1] - travel[0]) / 256.0
-    knots = min(tables, key=lambda k: float(k[1] - k[0]))
-    spacing = float(knots[1] - knots[0])
-    return float(knots[0] - np.ceil((knots[0] - travel[0]) / spacing) * spacing), spacing
 
 
 def _both_ways(effort: _Effort, v: Floats) -> Floats:

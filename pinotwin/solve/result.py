@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -80,17 +79,7 @@ class ShapeFit:
         return self.value * self.error if self.log else self.error
 
     @property
-    def bound(self) -> Literal["lower", "upper"] | None:
-        """The bound at which the search ended, if any."""
+    def at_bound(self) -> bool:
+        """Whether the search ended at a bound."""
         near = 1e-6 * (self.upper - self.lower)
-        if self.x <= self.lower + near:
-            return "lower"
-        return "upper" if self.x >= self.upper - near else None
-
-
-@dataclass(frozen=True)
-class SeparableFit:
-    """A linear fit at the shapes found (fixed columns, then blocks); its covariance holds the shapes' uncertainty."""
-
-    fit: LinearFit
-    shapes: tuple[ShapeFit, ...]
+        return not self.lower + near < self.x < self.upper - near

@@ -112,14 +112,13 @@ class Scan:
         """Return the best few basins, of neighbours within half a grid cell only the best."""
         out: list[Basin] = []
         for basin in sorted(basins, key=lambda b: -b.gain):
-            if not any(self._same(basin.x, kept.x) for kept in out):
+            for other in out:
+                cells = np.array([self._neighbours(value, k) for k, value in enumerate(other.x)])
+                if np.all(np.abs(basin.x - other.x) <= 0.25 * np.diff(cells).ravel()):
+                    break
+            else:
                 out.append(basin)
         return out[: self.kept]
-
-    def _same(self, one: Floats, other: Floats) -> bool:
-        """Return whether two points lie within half a cell of the grid."""
-        cells = np.array([self._neighbours(value, k) for k, value in enumerate(other)])
-        return bool(np.all(np.abs(one - other) <= 0.25 * np.diff(cells).ravel()))
 
     def _refined(self, basin: Basin) -> Basin:
         """Return the optimum near a basin: one shape at a time, each within its grid neighbours."""

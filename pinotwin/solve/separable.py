@@ -25,8 +25,10 @@ from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection, directions
 from pinotwin.solve.rank import analyse, r_factor
-from pinotwin.solve.result import SeparableFit, ShapeFit
+from pinotwin.solve.result import LinearFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
+
+Found = tuple[LinearFit, tuple[ShapeFit, ...]]  # At the shapes found; fixed columns first, then blocks
 
 
 def separable(
@@ -34,11 +36,11 @@ def separable(
     moving: Sequence[Moving],
     options: Options | None = None,
     known: Mapping[int, Floats] | None = None,
-) -> SeparableFit:
+) -> Found:
     """Fit fixed columns, then moving blocks, in the order of prior and bounds; ``known`` shapes are only polished."""
     options = options or Options()
     if not moving:
-        return SeparableFit(linear(problem, options), ())
+        return linear(problem, options), ()
     search = _Search(problem, tuple(moving), options, known or {})
     del problem  # see judge
     search.look()
@@ -104,15 +106,6 @@ class _Search:
         grids = self.moving[b].grids
         return tuple(int(np.argmin(np.abs(g - v))) for g, v in zip(grids, x, strict=True))
 
-    def full(self, x: Sequence[Floats]) -> Problem:
-        """Return the problem with all columns at given shapes."""
-        names, at = self.names[self.problem.parameters :], 0
-        columns = np.zeros((len(self.problem.y), len(names)))
-        for m, part in zip(self.moving, x, strict=True):
-            columns[m.rows, at : at + len(m.names)] = m.at(part)
-            at += len(m.names)
-        return self.problem.beside(columns, names)
-
     def reweigh(self) -> bool:
         """Find the noise levels anew; return whether they changed by more than a percent."""
         if self.options.sigma is not None:
@@ -152,16 +145,20 @@ class _Search:
         rivals.sort(key=lambda pair: pair[0])
         return [best, *(x for _, x in rivals[:most])]
 
-    def judge(self) -> SeparableFit:
+    def judge(self) -> Found:
         """Return the result with the covariance of coefficients and shapes together."""
         del self.projection  # as large as what is now judged row by row, and so is the problem
-        at, full = self.problem.parameters, self.full(self.x)
-        del self.problem
+        p, at = self.problem.parameters, 0
+        columns = np.zeros((len(self.problem.y), len(self.names) - p))
+        for m, x in zip(self.moving, self.x, strict=True):
+            columns[m.rows, at : at + len(m.names)] = m.at(x)
+            at += len(m.names)
+        full = self.problem.beside(columns, self.names[p:])
+        del self.problem, columns
         sigma = self.sigma if self.options.sigma is None else self.options.sigma
         fit = linear(full, replace(self.options, sigma=sigma, inference="none"))
-        p = full.parameters
         slopes = np.zeros((len(full.y), sum(map(len, self.x))))
-        k = 0
+        at, p, k = p, full.parameters, 0
         for m, x in zip(self.moving, self.x, strict=True):
             theta = fit.theta[at : at + len(m.names)]
             slopes[m.rows, k : k + len(x)] = m.slopes(x, theta)
@@ -178,7 +175,7 @@ class _Search:
         determined = fit.determined & rank.determined[:p]
         fit = replace(fit, covariance=covariance[:p, :p], dof=dof[:p], determined=determined)
         error = np.where(rank.determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)[p:]
-        return SeparableFit(fit, tuple(self.shapes(iter(error.tolist()))))
+        return fit, tuple(self.shapes(iter(error.tolist())))
 
     def shapes(self, errors: Iterator[float]) -> Iterator[ShapeFit]:
         """Yield what was found about every shape, with its standard error."""

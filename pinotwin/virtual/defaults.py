@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.trajectories.moves import Limits
-from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction
+from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Friction
 from pinotwin.virtual.tree import axes_of, gravity_at, inertia_at
 
 Part = TypeVar("Part")
@@ -86,7 +86,11 @@ def resolved_axis(axis: AxisTruth, scale: Scale) -> AxisTruth:
     encoder = filled(axis.encoder, resolution=5e-7 if scale.rotary else 2e-8)
     encoder = filled(encoder, noise=0.5 * (encoder.resolution or 0.0))
     controller = _controller(axis.controller, scale, friction, limit)
-    drive = _drive(axis.drive, scale)
+    drive = axis.drive
+    if drive.backlash > 0.0 and drive.frequency == 0.0:
+        drive = replace(drive, frequency=CONTACT)
+    rotor = drive.rotor or (drive.motor_share * scale.inertia if drive.frequency > 0.0 else 0.0)
+    drive = replace(drive, rotor=rotor)
     return replace(
         axis, friction=friction, controller=controller, drive=drive, effort=effort, encoder=encoder
     )
@@ -114,15 +118,6 @@ def _controller(given: Controller, scale: Scale, friction: Friction, limit: floa
         effort_limit=limit,
         integral_limit=given.integral_limit or limit + carried,
     )
-
-
-def _drive(given: Drive, scale: Scale) -> Drive:
-    frequency, rotor = given.frequency, given.rotor or 0.0
-    if given.backlash > 0.0 and frequency == 0.0:
-        frequency = CONTACT
-    if frequency > 0.0 and rotor == 0.0:
-        rotor = given.motor_share * scale.inertia
-    return replace(given, frequency=frequency, rotor=rotor)
 
 
 def filled(part: Part, **usual: Any) -> Part:

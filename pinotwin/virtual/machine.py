@@ -73,7 +73,11 @@ class VirtualMachine:
         for name, joint in folder.axes.items():
             drive, j = truth.axes[name].drive, model.getJointId(joint) - 1
             forward[name] = float(inertia[j]) + (0.0 if drive.inside else drive.rotor or 0.0)
-        timing = _timing(truth, layout, true, forward)
+        timing = Timing(1.0 / truth.control_rate, 1, truth.substeps or 4)
+        if not truth.substeps:
+            guess = tables(truth, layout, true, timing, forward)
+            needed = int(np.ceil(stiffest(guess, inertia_at(true, layout.home)) * timing.period / 0.2))
+            timing = timing._replace(substeps=int(np.clip(needed, 4, 100)))
         return cls(folder.name, truth, model, true, layout, sizes, timing, forward)
 
     @property
@@ -148,15 +152,6 @@ class VirtualMachine:
             coulomb, viscous = (axis.friction.coulomb or 0.0) * a, (axis.friction.viscous or 0.0) * b
             axes[name] = changed(axis, "friction", coulomb=coulomb, viscous=viscous)
         return replace(self.truth, axes=axes)
-
-
-def _timing(truth: Truth, layout: Layout, true: pin.Model, cad: Mapping[str, float]) -> Timing:
-    period = 1.0 / truth.control_rate
-    if truth.substeps:
-        return Timing(period, 1, truth.substeps)
-    guess = tables(truth, layout, true, Timing(period, 1, 4), cad)
-    needed = int(np.ceil(stiffest(guess, inertia_at(true, layout.home)) * period / 0.2))
-    return Timing(period, 1, int(np.clip(needed, 4, 100)))
 
 
 def resolve(folder: Folder, model: pin.Model, cad: pin.Model) -> tuple[Truth, dict[str, Scale]]:

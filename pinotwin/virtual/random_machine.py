@@ -40,7 +40,7 @@ def write_random_machine(folder: Path, seed: int) -> Path:
     rng = np.random.default_rng([seed, 2029])
     name = f"random_{seed}"
     parts = _parts(rng)
-    truths = {part.name: _limits(part, rng) for part in parts}
+    truths = {part.name: _drive(part, rng) for part in parts}
     sealed = {
         "seed": int(rng.integers(1, 10_000)),
         "control_rate": 4000.0,
@@ -64,7 +64,9 @@ def write_random_machine(folder: Path, seed: int) -> Path:
         if most > 3.0 * scale.rated + 2.0 * scale.hold:  # the usual drive would be at its limit
             truths[part.name]["controller"]["effort_limit"] = most
         truths[part.name] |= _friction(scale, rng)
-        listed[part.name]["effects"] = _listing(truths[part.name])
+        slow = truths[part.name]["friction"]["static"] > 1.0
+        effects: list[Any] = ["viscous", "presliding" if slow else {"presliding": {"stribeck": 0}}]
+        listed[part.name]["effects"] = [*effects, *(["ripple"] if "ripple" in truths[part.name] else [])]
     _write(folder, machine, sealed)
     return folder
 
@@ -125,7 +127,7 @@ def _part(
     return Part(name, parent, rotary, direction, origin, turn, box, centre, mass, travel)
 
 
-def _limits(part: Part, rng: np.random.Generator) -> dict[str, Any]:
+def _drive(part: Part, rng: np.random.Generator) -> dict[str, Any]:
     speed = float(rng.uniform(1.5, 5.0) if part.rotary else rng.uniform(0.2, 0.6))
     push = speed / float(rng.uniform(0.08, 0.2))
     # A ramp of acceleration takes ten samples of the log or more: a shorter one is no longer in it.
@@ -135,7 +137,13 @@ def _limits(part: Part, rng: np.random.Generator) -> dict[str, Any]:
         "jerk": push / float(rng.uniform(0.02, 0.04)),
         "travel": [-part.travel, part.travel],
     }
-    return {"limits": limits, "controller": _controller(rng)}
+    forward = float(rng.uniform(0.5, 1.0))
+    if rng.uniform() < 0.5:
+        own: dict[str, Any] = {"kind": "p_pi", "bandwidth": float(rng.uniform(14.0, 35.0))}
+    else:
+        poles = [float(rng.uniform(*x)) for x in ((40.0, 60.0), (7.0, 12.0), (0.6, 0.9))]
+        own = {"kind": "pid", "poles": poles}
+    return {"limits": limits, "controller": {**own, "acceleration_feedforward": forward}}
 
 
 def _friction(scale: Scale, rng: np.random.Generator) -> dict[str, Any]:
@@ -156,23 +164,6 @@ def _friction(scale: Scale, rng: np.random.Generator) -> dict[str, Any]:
         size, phase = (float(rng.uniform(*r)) for r in ((0.01, 0.05), (0.0, 6.28)))
         out["ripple"] = [{"amplitude": size * scale.rated, "period": period, "phase": phase}]
     return out
-
-
-def _listing(truth: Mapping[str, Any]) -> list[Any]:
-    """Return the effects that machine.yaml must list for the machine to be healthy."""
-    slow = truth["friction"]["static"] > 1.0
-    out: list[Any] = ["viscous", "presliding" if slow else {"presliding": {"stribeck": 0}}]
-    return [*out, "ripple"] if "ripple" in truth else out
-
-
-def _controller(rng: np.random.Generator) -> dict[str, Any]:
-    forward = float(rng.uniform(0.5, 1.0))
-    if rng.uniform() < 0.5:
-        own: dict[str, Any] = {"kind": "p_pi", "bandwidth": float(rng.uniform(14.0, 35.0))}
-    else:
-        poles = [float(rng.uniform(*x)) for x in ((40.0, 60.0), (7.0, 12.0), (0.6, 0.9))]
-        own = {"kind": "pid", "poles": poles}
-    return {**own, "acceleration_feedforward": forward}
 
 
 def _xml(part: Part, parts: list[Part]) -> str:

@@ -16,7 +16,7 @@ from pinotwin.identification.servo.output_error import Search
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 from pinotwin.signals.noise import burg
-from pinotwin.simulation.law import LONGEST, biquad
+from pinotwin.simulation.law import LONGEST, biquad, substeps
 
 
 class Clock(NamedTuple):
@@ -92,10 +92,17 @@ class LawAlone:
 
         Laws of drives are smooth over ``clock`` [s]; an autoregression of ``memory`` [s] whitens the effort's error.
         """
-        fine = Clock(p.step, max(1, int(np.ceil(p.step / clock - 1e-9))))
-        stretches = [made for s in p.windows if (made := _stretch(p, servo, s, fine)) is not None]
-        if len(stretches) < len(p.windows):
-            return None
+        fine = Clock(p.step, substeps(p.step, clock))
+        stretches = []
+        for s in p.windows:
+            qr, vr, ar = fine.refined(p.qr[s], 1, 2)
+            error = p.fine_error(servo, s, (qr, vr), fine.substeps)
+            if error is None:
+                return None
+            simulated = qr - error
+            (apart,) = fine.refined(p.q[s] - simulated[:: fine.substeps])
+            measured, predicted = (fine.columns(qr, vr, ar, q) for q in (simulated + apart, simulated))
+            stretches.append(Stretch(measured, predicted, p.u[s]))
         plain = cls(tuple(stretches), fine, p.skip, np.ones(1))
         rows = min(len(s.u) for s in stretches) - p.skip
         order = min(int(memory / p.step), rows // 10)
@@ -142,14 +149,3 @@ class LawAlone:
             elif name == "output_lag" or name.startswith("notch"):
                 out[i] += clock.out(effort, ahead) - clock.out(effort, behind)
         return out / (2.0 * size)
-
-
-def _stretch(p: AxisProblem, servo: Servo, s: slice, clock: Clock) -> Stretch | None:
-    qr, vr, ar = clock.refined(p.qr[s], 1, 2)
-    error = p.fine_error(servo, s, (qr, vr), clock.substeps)
-    if error is None:
-        return None
-    simulated = qr - error
-    (apart,) = clock.refined(p.q[s] - simulated[:: clock.substeps])
-    channels = [clock.columns(qr, vr, ar, q) for q in (simulated + apart, simulated)]
-    return Stretch(channels[0], channels[1], p.u[s])

@@ -59,9 +59,8 @@ def solve(  # noqa: PLR0913, its last numbers say when a search has ended
     units of the search, which ends at a ``close`` one; a last one beyond ``rough`` is no end.
     """
     search, x = search_of(start)
-    P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
-    middle = np.array([_middle(search, name, usual) for name in search.names])
-    Z, W = law.instruments(search, x), P
+    (P, middle), servo, moved = _belief(search, usual), start, np.inf
+    Z = law.instruments(search, x)
     for turn in range(turns):
         if 0 < turn < renewed:
             Z = law.instruments(search, x)
@@ -98,18 +97,16 @@ def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Float
     return np.asarray(sums.T @ sums)
 
 
-def _precision(name: str, usual: Usual) -> float:
-    if name in ("dead", "offset"):
-        return 1.0
-    return 1.0 / usual[name][1] ** 2 if name in usual else 1e-8
-
-
-def _middle(search: Search, name: str, usual: Usual) -> float:
-    """Return where the belief in a usual shape has its middle, in the units of the search."""
-    if name not in usual or name in ("dead", "offset"):
-        return 0.0
-    begun = getattr(search.start, name) if name in SHAPES else search.start.notch[int(name[5:])]
-    return float(np.log(usual[name][0] / begun))
+def _belief(search: Search, usual: Usual) -> tuple[Floats, Floats]:
+    """Return precision (k, k) and middle (k,) of what is believed of a search before the log, in its units."""
+    precision, middle = np.full(len(search.names), 1e-8), np.zeros(len(search.names))
+    for k, name in enumerate(search.names):
+        if name in ("dead", "offset"):
+            precision[k] = 1.0
+        elif name in usual:
+            begun = getattr(search.start, name) if name in SHAPES else search.start.notch[int(name[5:])]
+            precision[k], middle[k] = 1.0 / usual[name][1] ** 2, np.log(usual[name][0] / begun)
+    return np.diag(precision), middle
 
 
 def answers(law: LawAlone, servo: Servo, usual: Usual) -> list[Solved]:

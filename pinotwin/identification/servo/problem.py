@@ -13,7 +13,7 @@ from pinotwin.loop.margins import command_peak, stable
 from pinotwin.loop.servo import Servo
 from pinotwin.simulation import axis_kernel
 from pinotwin.simulation.axis_kernel import Axis, Course
-from pinotwin.simulation.law import Law
+from pinotwin.simulation.law import Law, substeps
 from pinotwin.simulation.state import Lookup
 
 Usual = Mapping[str, tuple[float, float]]
@@ -81,7 +81,7 @@ class AxisProblem:
     @property
     def substeps(self) -> int:
         """Internal steps a sample."""
-        return max(1, int(np.ceil(self.step / self.fine - 1e-9)))
+        return substeps(self.step, self.fine)
 
     @property
     def skip(self) -> int:

@@ -115,13 +115,11 @@ def settle(p: AxisProblem, found: Found, usual: Usual = DRIVES, settings: Settin
     p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
     last = last if p.holds(last.servo) else found
-    return _from_moments(p, found, last, settings.moments_worse) or _from_output_error(p, found, last)
-
-
-def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
-    """Return the controller with its intervals, of a cascade the better way round of kp and 1/ti."""
+    told = _from_moments(p, found, last, settings.moments_worse)
+    if told is not None:
+        return told
     rivals: list[Found] = []
-    if last.servo.form == "cascade":
+    if last.servo.form == "cascade":  # the better way round of kp and 1/ti
         others = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
         last, *rest = sorted((f for f in [last, *others] if f is not None), key=lambda f: f.cost)
         rivals = [f for f in rest if not same_gains(f.servo, last.servo)][:1]
@@ -170,30 +168,27 @@ def errors_of(p: AxisProblem, found: Found) -> tuple[float, float]:
     return float(e), float(u)
 
 
-def simpler(p: AxisProblem, servo: Servo, slow: float = 1.0) -> list[Servo]:
-    """Return laws with fewer gains near one with six; that without an integral for one slower than ``slow`` [1/s]."""
+def simpler(p: AxisProblem, servo: Servo, slow: float = 1.0, spread: float = 0.1) -> list[Servo]:
+    """Return laws with fewer gains near one with six; that without an integral for one slower than ``slow`` [1/s].
+
+    Of cascades of set-point weight 1, kp and 1/ti are taken either way round, at least the share ``spread`` apart.
+    """
     g = servo.gains
     if g[1] < slow * abs(g[0]):
         return [proportional(p, servo)]
     shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
-    found = [Servo.of_cascade(**tied, **shapes) for tied in _tied(servo)]
-    return [*found, replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
-
-
-def _tied(servo: Servo, spread: float = 0.1) -> list[dict[str, float]]:
-    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round, a share apart at least."""
-    found = []
+    ffv, found = g[3] / g[2] if g[2] > 0.0 else 1.0, []
     for named in servo.cascades():
-        product = named["kp"] * named["rate"]
         kp, rate = named["kp"], named["rate"]
+        product = kp * rate
         if not (product > 0.0 and 0.2 < rate / np.sqrt(product) < 5.0):
             continue
+        ways = [(kp, rate)]
         if abs(kp - rate) < spread * kp:  # a double root: begin on both sides of it
             kp, rate = kp * (1.0 + spread), rate / (1.0 + spread)
-            found.append((rate, kp, named))
-        found.append((kp, rate, named))
-    ffv = servo.gains[3] / servo.gains[2] if servo.gains[2] > 0.0 else 1.0
-    return [{"kp": kp, "kv": n["kv"], "rate": r, "ffv": ffv, "ffa": n["ffa"]} for kp, r, n in found]
+            ways = [(rate, kp), (kp, rate)]
+        found += [Servo.of_cascade(a, named["kv"], b, ffv, named["ffa"], **shapes) for a, b in ways]
+    return [*found, replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
 
 
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)  # Frequencies at which a notch is looked for [Hz]
