@@ -31,7 +31,7 @@ from pinotwin.imu.ekf import EkfSettings, ekf
 from pinotwin.imu.filters import group_delay, high_passed
 from pinotwin.imu.noise import rest
 from pinotwin.imu.orientation import Method, orientation
-from pinotwin.imu.result import CORNER, joint_frame
+from pinotwin.imu.result import joint_frame
 from pinotwin.imu.runs import ImuRun, ServoRun
 from pinotwin.reconstruction.result import Sensor, SensorRun
 from pinotwin.signals import rms
@@ -243,5 +243,5 @@ def _signals(part: SensorRun, gyro_cutoff: float) -> Mapping[str, tuple[Floats, 
 
 
 def _split(t: Floats, q: Floats, v: Floats, a: Floats) -> tuple[Floats, ...]:
-    fast = high_passed(t, q, CORNER)
+    fast = high_passed(t, q)
     return q - np.mean(q) - fast, fast, v, a

@@ -99,9 +99,16 @@ def test_each_of_two_effects_has_its_own_rho():
 
 def test_effects_of_the_controller_are_seen_in_the_tracking_error():
     case = Case(0, "trunnion", "change", "single", (("feedforward", "Y", 0.4),), 7)
-    made = produce(case, seconds=8.0)
-    assert made.sizes[0] == pytest.approx(max(r["e"] for r in made.rho.values()))
-    assert made.sizes[0] > 10.0 * made.rho["Y"]["u"]
+    well, ill, path = (
+        virtual("trunnion"),
+        virtual("trunnion", on=case.effects, seed=7),
+        path_of("trunnion", 8.0, 7),
+    )
+    clean = run(well, path)
+    rho = over(powers(run(ill, path).minus(clean)), noise_powers(well, path, clean))
+    (size,) = produce(case, seconds=8.0).sizes
+    assert size == pytest.approx(max(r["e"] for r in rho.values()))
+    assert size > 10.0 * rho["Y"]["u"]
 
 
 def test_gap_over_noise_is_a_ratio_of_powers():

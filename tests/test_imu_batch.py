@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from benchmarks._imu_methods import baselines, joint_angles, naive
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
-from pinotwin.imu.clock import SyncSettings, sync
-from pinotwin.imu.filters import high_passed
+from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.filters import group_delay, high_passed
 from pinotwin.imu.mode import decay, respond
 from pinotwin.imu.predict import RunModel
 from pinotwin.imu.result import BatchResult
@@ -46,6 +46,15 @@ def as_runs(truth: Truth, servo: object, s: ImuSensor, seed: int) -> tuple[Servo
     return view, ImuRun(r.t, r.gyr, r.acc)
 
 
+def clocks(servo: list[ServoRun], imu: list[ImuRun]) -> list[ClockFit]:
+    settings = SyncSettings(delay=group_delay(PRIORS.gyro_cutoff), skew=PRIORS.skew)
+    return [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=False)]
+
+
+def estimate(servo: list[ServoRun], imu: list[ImuRun]) -> BatchResult:
+    return batch.estimate(servo, imu, PRIORS, clocks(servo, imu))
+
+
 Case = tuple[Truth, ServoRun, ImuRun, ImuSensor, BatchResult]
 
 
@@ -54,7 +63,7 @@ def case(k: int, hysteresis: float = 0.0, hardening: float = 0.0) -> Case:
     truth, servo = record(k, hysteresis=hysteresis, hardening=hardening)
     s = sensor(k)
     view, imu = as_runs(truth, servo, s, k)
-    return truth, view, imu, s, batch.estimate([view], [imu], PRIORS)
+    return truth, view, imu, s, estimate([view], [imu])
 
 
 def rms(x: np.ndarray) -> float:
@@ -130,7 +139,7 @@ def test_an_unused_imu_is_predicted_to_its_noise() -> None:
     view, imu = as_runs(truth, record(0)[1], other, 50)
     clock = sync(servo.t, servo.w, imu.t, imu.gyr, SyncSettings(delay=other.gyro.delay))
     tilt = replace(PRIORS, gravity=other.gravity)
-    own = batch.estimate([view], [imu], PRIORS)  # its own errors only, to take them out
+    own = estimate([view], [imu])  # its own errors only, to take them out
     model = RunModel(view, imu, tilt, own.runs[0].clock.to_ref(imu.t))
     run, place = result.runs[0], own.shared("position")[0]
     delta = np.stack([run.angle, run.velocity, run.acceleration], axis=1)
@@ -169,7 +178,7 @@ def test_parasitic_axes_show_what_happens_across_the_joint() -> None:
     extra = np.einsum("nji,j->ni", truth.motion.R, [0.0, 1.0, 0.0]) * shake[:, None]
     shaken = replace(truth, motion=replace(truth.motion, w=truth.motion.w + extra))
     reading = s.measure(shaken.motion, np.random.default_rng([9, 0]))
-    again = batch.estimate([servo], [ImuRun(reading.t, reading.gyr, reading.acc)], PRIORS)
+    again = estimate([servo], [ImuRun(reading.t, reading.gyr, reading.acc)])
     sizes = sorted(np.std(again.runs[0].parasitic, axis=0) / DEG)
     assert sizes[1] == pytest.approx(0.5 / np.sqrt(2), rel=0.15)
     assert sizes[0] < 0.09
@@ -182,8 +191,8 @@ def test_several_runs_share_the_mode_and_combine() -> None:
         one = replace(sensor(7), clock=replace(sensor(10 + k).clock, holes=()))
         pairs.append(as_runs(truth, servo, one, k))
         truths.append(truth)
-    result = batch.estimate([p[0] for p in pairs], [p[1] for p in pairs], PRIORS)
-    single = batch.estimate([pairs[0][0]], [pairs[0][1]], PRIORS)
+    result = estimate([p[0] for p in pairs], [p[1] for p in pairs])
+    single = estimate([pairs[0][0]], [pairs[0][1]])
     assert result.frequency[1] < single.frequency[1]
     mean, _, _ = combine([r.velocity for r in result.runs], [r.sd_velocity for r in result.runs])
     each = [rms(r.velocity - truths[0].delta_v[::10]) for r in result.runs]
@@ -193,7 +202,7 @@ def test_several_runs_share_the_mode_and_combine() -> None:
 def test_a_restarted_clock_inside_a_run() -> None:
     truth, servo = record(1)
     view, imu = as_runs(truth, servo, sensor(1, restart=6.0, holes=()), 3)
-    result = batch.estimate([view], [imu], PRIORS)
+    result = estimate([view], [imu])
     angle, velocity, acceleration, _ = gaps(truth, result)
     assert angle < 0.001
     assert velocity < 0.0474
@@ -204,7 +213,7 @@ def test_jacobian_equals_finite_differences() -> None:
     truth, servo = record(4, 6.0)
     s = sensor(4)
     view, imu = as_runs(truth, servo, s, 1)
-    problem, _ = batch.prepare([view], [imu], PRIORS, None)
+    problem = batch.prepare([view], [imu], PRIORS, clocks([view], [imu]))
     rng = np.random.default_rng(0)
     theta = problem.mean + 0.1 * problem.sd * rng.normal(size=len(problem.mean))
     theta[problem.lay["gain"]] = 0.26
@@ -235,9 +244,9 @@ def test_mode_response_against_scipy_and_its_decay() -> None:
 def test_nothing_rotates_and_bad_arrays_are_refused() -> None:
     _, servo, imu, _, _ = case(0)
     with pytest.raises(DataError, match="nothing rotates"):
-        batch.estimate([replace(servo, w=0 * servo.w)], [imu], PRIORS)
+        estimate([replace(servo, w=0 * servo.w)], [imu])
     with pytest.raises(DataError, match="in pairs"):
-        batch.estimate([servo], [], PRIORS)
+        estimate([servo], [])
     with pytest.raises(DataError, match="'axis' has shape"):
         replace(servo, axis=servo.axis[:-1])
     with pytest.raises(DataError, match="did you mean"):

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.errors import DataError
 from pinotwin.imu.filters import low_pass as assumed
-from pinotwin.imu.noise import rest, white_level
+from pinotwin.imu.noise import rest
+from pinotwin.signals import roughness
 from pinotwin.virtual.imu_sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
 from tests.test_imu_rig import DEG, record
 
@@ -95,4 +96,4 @@ def test_rest_is_found_where_the_rig_rests_and_nowhere_else() -> None:
     still = rest(shaken, noise + np.array([0.0, 0.0, 9.81]), 400.0)
     assert still[:400].all()
     assert not still[430:].any()
-    np.testing.assert_allclose(white_level(np.random.default_rng(0).normal(size=(9999, 1))), 1, 0.05)
+    np.testing.assert_allclose(roughness([np.random.default_rng(0).normal(size=9999)]), 1, 0.05)

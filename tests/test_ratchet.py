@@ -53,8 +53,8 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_466,
-    module_numbers: 103,
+    lines: 54_287,
+    module_numbers: 102,
     numbers_without_unit: 288,
     stories: 5,
 }

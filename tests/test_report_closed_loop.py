@@ -45,7 +45,7 @@ def blocks(twin, log):
 
 
 def cells(block: Html) -> list[list[str]]:
-    return [row for row in read(block.text).rows if row]
+    return [row for row in read(block).rows if row]
 
 
 def test_the_table_states_the_errors_that_were_added(twin, log):

@@ -277,7 +277,7 @@ def test_with_the_log_the_gap_is_drawn_against_speed_and_position() -> None:
         channels[f"{axis}.q"] = 0.1 * np.sin((2 + k) * t)
         channels[f"{axis}.u"] = np.cos((2 + k) * t)
     ready = Prepared.of(machine, Log(channels, source="drill.csv"))
-    page = diagnosis_report(replace(EXPLAINED, subject=machine, prepared=[ready]), ready.log)
+    page = diagnosis_report(replace(EXPLAINED, subject=machine, prepared=[ready]))
     drawn = [figure["layout"] for figure in figures(page)]
     titles = [layout.get("xaxis", {}).get("title", {}).get("text") for layout in drawn]
     assert "velocity [mm/s]" in titles

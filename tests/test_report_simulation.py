@@ -59,7 +59,9 @@ def test_the_reference_is_the_larger_of_loop_and_whole_simulation(twin) -> None:
     ("share", "word"), [(0.025, "within misfit"), (0.033, "above misfit"), (0.2, "far above misfit")]
 )
 def test_a_known_error_is_stated_and_graded(twin, predicted, share: float, word: str) -> None:
-    page = read(simulation_report(twin, measured(twin, predicted, share), predicted, "coupled"))
+    log = measured(twin, predicted, share)
+    known = dataclasses.replace(predicted, command=log, controller="coupled")
+    page = read(simulation_report(known))
     rows = {(r[0], r[1]): r for r in page.rows if len(r) == 8}
     row = rows["A", "tracking error"]
     assert float(row[3].split()[0]) == pytest.approx(100 * share, rel=0.03)
@@ -68,8 +70,8 @@ def test_a_known_error_is_stated_and_graded(twin, predicted, share: float, word:
     assert grade_of(share, 0.02) == word
 
 
-def test_a_log_of_the_command_alone_is_predicted_and_not_judged(twin, predicted) -> None:
-    text = simulation_report(twin, smooth_command(twin.machine, 1.0, 500.0), predicted, "black")
+def test_a_log_of_the_command_alone_is_predicted_and_not_judged(predicted) -> None:
+    text = simulation_report(predicted)
     assert "nothing to hold the prediction against" in text
     assert not any(f">{word}</span>" in text for word in SIMULATED_GRADES)
 

@@ -67,7 +67,6 @@ class Row:
 
     def as_dict(self, labels: Sequence[str]) -> dict[str, Any]:
         """Return the row for JSON."""
-        pairs = list(zip(self.values, self.errors, strict=True))
         half = Z90 * self.change_error
         row = {
             "name": self.name,
@@ -75,14 +74,14 @@ class Row:
             "unit": self.unit,
             "values": {
                 label: {"value": x, "interval90": [x - Z90 * e, x + Z90 * e]} if np.isfinite(x) else None
-                for label, (x, e) in zip(labels, pairs, strict=True)
+                for label, x, e in zip(labels, self.values, self.errors, strict=True)
             },
             "change": self.change,
             "change_interval90": [self.change - half, self.change + half] if np.isfinite(half) else None,
             "p": self.p,
             "moved": self.moved,
         }
-        return plain(row)  # type: ignore[no-any-return]
+        return plain(row)
 
 
 def with_interval(x: float, error: float) -> str:
@@ -184,14 +183,8 @@ class Comparison(Compared):
         }
 
 
-def compare(
-    *twins: TwinLike,
-    labels: Sequence[str] | None = None,
-    log: LogLike | None = None,
-    false_discoveries: float = 0.05,
-    knots: int = 12,
-) -> Comparison:
-    """Put twins side by side, see :func:`pinotwin.compare`; an effect of more than so many ``knots`` is a table."""
+def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike | None = None) -> Comparison:
+    """Put twins side by side, see :func:`pinotwin.compare`."""
     given = [as_twin(one) for one in twins]
     names = tuple(labels) if labels is not None else tuple(str(k + 1) for k in range(len(given)))
     if len(given) < 2:
@@ -201,16 +194,15 @@ def compare(
         raise InputError(f"compare: twins of different machines ({', '.join(sorted(machines))})")
     factors = {axis: max(_overfit(twin, axis) for twin in given) for axis in given[0].machine.names}
     widening = factors | {"rigid_body": max(factors.values())}
-    rows, only = _rows(given, names, widening, knots)
+    rows, only = _rows(given, names, widening)
     found = Comparison(
         machines.pop(),
         names,
         widening,
-        _discoveries(rows, false_discoveries),
+        _discoveries(rows),
         only,
-        _discoveries(tuple(_drives(given)), false_discoveries),
+        _discoveries(tuple(_drives(given))),
         data={name: tuple(twin.data) for name, twin in zip(names, given, strict=True)},
-        false_discoveries=false_discoveries,
     )
     if log is None:
         return found
@@ -228,9 +220,12 @@ def effect_title(key: str) -> str:
 
 
 def _rows(
-    twins: Sequence[Twin], labels: Sequence[str], widening: Mapping[str, float], knots: int
+    twins: Sequence[Twin], labels: Sequence[str], widening: Mapping[str, float], knots: int = 12
 ) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:
-    """Return the parameters that two twins have, with widened errors, and those that only one has."""
+    """Return the parameters that two twins have, with widened errors, and those that only one has.
+
+    An effect of more than so many ``knots`` is a table.
+    """
     tables = [{row.name: row for row in twin.parameters} for twin in twins]
     held = Counter(name for table in tables for name in table)
     size = Counter(next(t[name] for t in tables if name in t).effect for name, n in held.items() if n > 1)
@@ -298,11 +293,11 @@ def _chance(values: Floats, errors: Floats) -> float:
     return float(scipy.stats.chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
 
 
-def _discoveries(rows: Sequence[Row], most: float) -> tuple[Row, ...]:
+def _discoveries(rows: Sequence[Row]) -> tuple[Row, ...]:
     """Mark the rows that moved, at a rate of false discoveries."""
     asked = [k for k, row in enumerate(rows) if np.isfinite(row.p)]
     rate = scipy.stats.false_discovery_control([rows[k].p for k in asked]) if asked else []
-    moved = {k for k, value in zip(asked, rate, strict=True) if value <= most}
+    moved = {k for k, value in zip(asked, rate, strict=True) if value <= Comparison.false_discoveries}
     return tuple(replace(row, moved=k in moved) for k, row in enumerate(rows))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.loop import LoopModel
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 from pinotwin.signals import rms
@@ -24,9 +25,6 @@ from pinotwin.simulation.command import beginning
 from pinotwin.simulation.run import Loops, as_motion, is_coupled, preferred, respond
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
-
-if TYPE_CHECKING:
-    from pinotwin.loop import LoopModel
 
 COMMAND = "command"
 

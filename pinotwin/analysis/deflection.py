@@ -52,7 +52,7 @@ class Load:
             for _ in range(passes):
                 load = (self.torque[part] + (mean - self.inertia[part]) * a[part]) / mean
                 found = respond(load[:, None], self.motion.step, wn, zeta)
-                x[part], v[part], a[part] = found.x[:, 0], found.v[:, 0], found.a[:, 0]
+                x[part], v[part], a[part] = (y[:, 0] for y in found)
         return x, v, a
 
 

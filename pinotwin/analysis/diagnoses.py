@@ -62,14 +62,12 @@ class Diagnoses(Compared):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of compare.json."""
+        verdicts = [document.get("verdict") for document in self.documents]
         return {
             "kind": "diagnoses",
             "labels": list(self.labels),
             "sentence": self.sentence,
-            "verdicts": {
-                label: document.get("verdict")
-                for label, document in zip(self.labels, self.documents, strict=True)
-            },
+            "verdicts": dict(zip(self.labels, verdicts, strict=True)),
             "gap": self.gap,
             "causes": [
                 {"effect": effect, "axis": axis or None, "title": effect_title(effect), "in": found}

@@ -127,21 +127,19 @@ class LinkForce:
         return np.asarray(np.isfinite(self.force).mean(axis=0))
 
 
-def link_force(
-    machine: Machine, found: ExternalEffort, link: str, *, felt: float = 0.99, dull: float = 30.0
-) -> LinkForce:
+def link_force(machine: Machine, found: ExternalEffort, link: str) -> LinkForce:
     """Return the pure force on a link, at its origin, that explains external efforts, where it is determined.
 
-    Not in directions of which the axes feel less than the share ``felt``, or ``dull`` times less sharply than the best.
+    Not in directions of which the axes feel less than 99 %, or 30 times less sharply than the best.
     """
     columns = [machine.axis(name).index for name in found.names]
     J = jacobian(machine.model, link, found.q)[:, :3][:, :, columns]
     A = J.transpose(0, 2, 1) / found.half[:, :, None]
     U, S, Vt = np.linalg.svd(A, full_matrices=False)
-    strong = (S[:, :1] < dull * S) & (S > 0.0)
+    strong = (S[:, :1] < 30.0 * S) & (S > 0.0)
     inverse = np.where(strong, 1.0 / np.where(strong, S, 1.0), 0.0)
     y = np.einsum("nij,ni->nj", U, found.force / found.half) * inverse
     force = np.einsum("njk,nj->nk", Vt, y)
     half = np.sqrt(np.einsum("njk,nj->nk", Vt**2, inverse**2))
-    known = np.einsum("njk,nj->nk", Vt**2, strong.astype(float)) > felt
+    known = np.einsum("njk,nj->nk", Vt**2, strong.astype(float)) > 0.99
     return LinkForce(found.t, link, np.where(known, force, np.nan), np.where(known, half, np.nan))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -20,11 +19,9 @@ from pinotwin.analysis.deflection import PassiveSpring, springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
 from pinotwin.errors import MachineError, TwinError, require
-from pinotwin.machine import Machine
-
-if TYPE_CHECKING:
-    from pinotwin.loop import LoopModel
-    from pinotwin.twin import Twin
+from pinotwin.loop import LoopModel
+from pinotwin.machine import Machine, Passive
+from pinotwin.twin import Twin
 
 
 @dataclass(frozen=True)
@@ -82,14 +79,12 @@ def modes(
     return Modes(believed.names, q, held, _solve(M, K[cut], np.diag(c)[cut], free))
 
 
-def servo_modes(
-    twin: Twin, posture: Mapping[str, float] | None = None, *, rounds: int = 20, critical: float = 0.5
-) -> Modes:
+def servo_modes(twin: Twin, posture: Mapping[str, float] | None = None) -> Modes:
     """Return the modes of a twin at a posture (axis -> [m or rad]) with its servo loops closed; TwinError without any.
 
     A loop answers its axis with u = C(s) e, C = (u/d) / (e/d), at a mode's s a stiffness and a damping, C(s) = k + c s
-    with both real; s and servo are found in ``rounds``, mode by mode. Modes damped more than ``critical`` are the
-    servo's own: a stiffness and a damping say little about them.
+    with both real; s and servo are found in 20 rounds, mode by mode. Modes damped more than half are the servo's
+    own: a stiffness and a damping say little about them.
     """
     if not twin.loops:
         raise TwinError(f"{twin.machine.name}: the twin has no closed loop to close the servo with")
@@ -97,13 +92,13 @@ def servo_modes(
     found = []
     for k in range(len(begin)):
         now = begin
-        for _ in range(rounds):
+        for _ in range(20):
             if k >= len(now):
                 break
             zeta = now[k].damping
             root = 2.0 * np.pi * now[k].frequency * complex(-zeta, np.sqrt(max(1.0 - zeta**2, 1e-6)))
             now = _with_servo(twin, posture, root)
-        if k < len(now) and now[k].damping < critical:
+        if k < len(now) and now[k].damping < 0.5:
             found.append(now[k])
     ordered = tuple(sorted(found, key=lambda mode: mode.frequency))
     return Modes(begin.names, begin.q, begin.locked, ordered)
@@ -136,20 +131,18 @@ def _springs(
     """Return stiffness and damping of every joint, (nv,) each."""
     for name in (*stiffness, *damping):
         require(name, machine.names, f"{machine.name}: no axis", MachineError)
-    known = {spring.name: (spring.stiffness, spring.damping) for spring in found}
-    k, c = np.zeros(machine.nv), np.zeros(machine.nv)
-    for j, name in enumerate(machine.names):
-        part = machine.passive.get(name)
-        nominal = (None, None) if part is None else (part.stiffness, part.damping)
-        own = known.get(name, nominal)
-        given = stiffness.get(name, own[0])
-        if part is not None and given is None:
+    parts: dict[str, Passive | PassiveSpring] = {**machine.passive}
+    parts |= {spring.name: spring for spring in found}
+    k = {**{name: part.stiffness for name, part in parts.items()}, **stiffness}
+    c = {**{name: part.damping for name, part in parts.items()}, **damping}
+    for name in machine.names:
+        if k.get(name, 0.0) is None:
             raise MachineError(
                 f"{machine.name}: passive joint {name!r} has no stiffness; give "
                 f"`passive: {{{name}: {{stiffness: ...}}}}` in machine.yaml, or identify it"
             )
-        k[j], c[j] = given or 0.0, damping.get(name, own[1]) or 0.0
-    return k, c
+    stiff, damped = (np.array([x.get(name) or 0.0 for name in machine.names]) for x in (k, c))
+    return stiff, damped
 
 
 def _locked(

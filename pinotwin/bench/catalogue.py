@@ -61,6 +61,8 @@ ROTARY = ("ripple_modulated",)
 
 MANY_AXES = ("inertial_coupling", "geometric_error")  # effects that need more than one axis
 
+PERIODIC = ("ripple", "ripple_modulated", "ripple_triangle", "position_table")
+
 COVERED_BY: dict[str, tuple[str, ...]] = {
     "viscous": ("viscous", "viscous_asymmetric"),
     "coulomb": ("coulomb", "coulomb_asymmetric", "presliding"),
@@ -68,10 +70,7 @@ COVERED_BY: dict[str, tuple[str, ...]] = {
     "stribeck": ("stribeck", "presliding"),
     "presliding": ("presliding",),
     "gms": ("presliding",),
-    "ripple": ("ripple", "ripple_modulated", "position_table"),
-    "ripple_modulated": ("ripple", "ripple_modulated", "position_table"),
-    "ripple_triangle": ("ripple", "ripple_modulated", "position_table"),
-    "position_table": ("ripple", "ripple_modulated", "position_table"),
+    **dict.fromkeys(PERIODIC, ("ripple", "ripple_modulated", "position_table")),
     "quadratic_drag": ("quadratic_drag",),
 }
 """Effect of the truth -> entries of machine.yaml that know it already: taken off the listing."""
@@ -79,10 +78,7 @@ COVERED_BY: dict[str, tuple[str, ...]] = {
 TAKEN_OUT: dict[str, tuple[str, ...]] = {
     "coulomb": ("coulomb", "stribeck"),
     "gms": ("presliding",),
-    "ripple": ("ripple", "position_table"),
-    "ripple_modulated": ("ripple", "position_table"),
-    "ripple_triangle": ("ripple", "position_table"),
-    "position_table": ("ripple", "position_table"),
+    **dict.fromkeys(PERIODIC, ("ripple", "position_table")),
     "quadratic_drag": ("quadratic_drag",),
 }
 """Effect taken off a listing -> what the truth loses first, so that it then has the drawn size."""

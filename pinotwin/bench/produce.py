@@ -35,7 +35,6 @@ class Produced:
     """A case with what is known about it."""
 
     sealed: Sealed  # for the diagnosis
-    rho: Powers  # power over the noise per axis and signal, of all effects together, as simulated
     # power over the noise of each effect alone, in the signal and axis where it shows most; for a model that is
     # fitted to the log, what that model cannot take up
     sizes: tuple[float, ...]
@@ -54,7 +53,7 @@ def produce(case: Case, *, seconds: float = 8.0) -> Produced:
     validation = (replace(_later(ill, case.seed).record(check, seed=first + 31).to_log(), source="B"),)
     sealed = Sealed(public_machine(case.machine, off), logs, validation)
     if not case.effects:
-        return Produced(sealed, {}, ())
+        return Produced(sealed, ())
     return _measured(case, sealed, ill, fit, off)
 
 
@@ -95,10 +94,9 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
     machine = sealed.machine if case.situation == "structure" else None
     pairs = zip(case.effects, alone, strict=True)
     sizes = tuple(_size(one[0], r, clean, noise, (machine, well)) for one, r in pairs)
-    rho = over(powers(seen.minus(clean)), noise)
     plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
     courses = tuple(_course(one, clean) for one in alone) if plant else ()
-    return Produced(sealed, rho, sizes, courses)
+    return Produced(sealed, sizes, courses)
 
 
 def _course(ill: Run, clean: Run) -> Log:

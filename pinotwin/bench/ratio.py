@@ -21,14 +21,15 @@ from pinotwin.trajectories.moves import Trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.withholding import changed
 
-Powers = Mapping[str, Mapping[str, float]]  # axis -> signal (``u``, ``e``) -> power [SI²]
+Courses = Mapping[str, Mapping[str, Floats]]  # axis -> signal (``u``, ``e``) -> values [SI], shape (n,)
+Powers = Mapping[str, Mapping[str, float]]  # axis -> signal -> power [SI²]
 
 
 @dataclass(frozen=True)
 class Run:
     """Tracking errors and efforts of one run."""
 
-    signals: Mapping[str, Mapping[str, Floats]]  # axis -> signal -> values, shape (n,)
+    signals: Courses
     log: Mapping[str, Floats]  # the run itself
 
     def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
@@ -63,7 +64,7 @@ def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachin
     return replace(machine, truth=replace(machine.truth, axes=axes))
 
 
-def powers(difference: Mapping[str, Mapping[str, Floats]]) -> dict[str, dict[str, float]]:
+def powers(difference: Courses) -> dict[str, dict[str, float]]:
     """Return the power of every signal of a difference."""
     return {a: {s: float(np.mean(x**2)) for s, x in of.items()} for a, of in difference.items()}
 
@@ -74,19 +75,14 @@ def over(difference: Powers, noise: Powers) -> dict[str, dict[str, float]]:
 
 
 def left_of(
-    difference: Mapping[str, Mapping[str, Floats]],
-    along: Run,
-    machine: Machine,
-    truth: VirtualMachine,
-    noise: Powers,
-    rows: int = 1200,
+    difference: Courses, along: Run, machine: Machine, truth: VirtualMachine, noise: Powers
 ) -> dict[str, float]:
-    """Return the power of an effort over the noise [-] that a machine's true columns leave at some rows of a run."""
+    """Return the power of an effort over the noise [-] that a machine's true columns leave at 1200 rows of a run."""
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
     efforts = {f"{a}.u": of["u"] for a, of in difference.items()}
     motion = prepare(machine, Log({**along.log, **efforts}))
     effects = [at_truth(e, truth).fitted_to(motion) for e in machine.effects]
-    pick = np.unique(np.linspace(0, len(motion) - 1, rows).astype(int))
+    pick = np.unique(np.linspace(0, len(motion) - 1, 1200).astype(int))
     joints = np.array([motion.index(a) for a in difference], dtype=np.intp)
     weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in difference], len(pick))
     A = _design(motion, effects, pick, joints) * weight[:, None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -67,30 +67,17 @@ def rows(answers: Sequence[Answer]) -> list[Row]:
 
 
 def _share(
-    name: str,
-    answers: Sequence[Answer],
-    holds: Callable[[Answer], bool],
-    must: Bound | None = None,
-    aim: Bound | None = None,
-    *,
-    note: str = "",
+    name: str, answers: Sequence[Answer], holds: Callable[[Answer], bool], *bounds: Bound, note: str = ""
 ) -> Row:
-    """Return the line of how many of some answers something holds for."""
+    """Return the line of how many of some answers something holds for; ``bounds``: what must and what should hold."""
     share = Share.over([holds(a) for a in answers])
+    must, aim = bounds or (None, None)
     return Row(name, share.value, must, aim, share, share.of, note=note)
 
 
-def _number(
-    name: str,
-    values: Sequence[float],
-    must: Bound | None = None,
-    aim: Bound | None = None,
-    *,
-    note: str = "",
-    statistic: Callable[[Sequence[float]], Any] = np.median,
-) -> Row:
-    """Return the line of the median, or another statistic, of some values."""
-    value = float(statistic(values)) if values else None
+def _median(name: str, values: Sequence[float], must: Bound, aim: Bound, note: str = "") -> Row:
+    """Return the line of the median of some values."""
+    value = float(np.median(values)) if values else None
     return Row(name, value, must, aim, count=len(values), kind="number", note=note)
 
 
@@ -154,7 +141,8 @@ def _seen(answers: Sequence[Answer], least: float = 1.0) -> list[Answer]:
 
 def set_rows(named: Sequence[Answer]) -> list[Row]:
     """Return whether the stated sets hold the truth, and how large they are."""
-    sizes = [len(a.stated) for a in named]
+    mean = float(np.mean([len(a.stated) for a in named])) if named else None
+    most = Bound(high=2.5), Bound(high=1.5)
     return [
         _share(
             "truth in the stated 90 % set",
@@ -164,7 +152,7 @@ def set_rows(named: Sequence[Answer]) -> list[Row]:
             Bound(0.87, 0.93),
             note="of singles with rho ≥ 0.1 where anything was named",
         ),
-        _number("mean size of that set", sizes, Bound(high=2.5), Bound(high=1.5), statistic=np.mean),
+        Row("mean size of that set", mean, *most, count=len(named), kind="number"),
     ]
 
 
@@ -236,9 +224,9 @@ def shrink_rows(right: Sequence[Answer]) -> list[Row]:
     name, least = "achieved reduction when right, rho ≥ 0.5, median", (Bound(0.85), Bound(0.95))
     within = Bound(high=0.07), Bound(high=0.03)
     return [
-        _number("expected against achieved reduction, median difference", off, *within),
+        _median("expected against achieved reduction, median difference", off, *within),
         _share("… 90 % interval covers", right, _covers, Bound(0.80, 0.97), Bound(0.87, 0.93)),
-        _number(name, delivered, *least, note="on the validation log"),
+        _median(name, delivered, *least, note="on the validation log"),
         _share("… at least 0.85", strong, lambda a: _shrink(a, "delivered") >= 0.85),
     ]
 

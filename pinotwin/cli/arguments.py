@@ -79,10 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
             parser.add_argument(f"--{word.name.replace('_', '-')}", required=required, **options)
         else:
             parser.add_argument(word.name, **options if required else {"nargs": "?", **options})
-    parser.set_defaults(
-        written={"json": ("file",)}
-        | {name: _kind(kind)[1] for name, kind in kinds.items() if name != "return"}
-    )
+    tags = {name: _kind(kind)[1] for name, kind in kinds.items() if name != "return"}
+    parser.set_defaults(written={"json": ("file",), **tags})
 
 
 def _told(command: Command) -> Iterator[tuple[str, tuple[str | None, str]]]:

@@ -58,13 +58,7 @@ class Job:
 
 
 def each_answered(
-    logs: Sequence[str],
-    asked: Asked,
-    work: Work,
-    out: Path,
-    *,
-    workers: int | None = None,
-    fail_on_gap: bool = False,
+    logs: Sequence[str], asked: Asked, work: Work, out: Path, *, workers: int | None, fail_on_gap: bool
 ) -> Answer:
     """Diagnose every log (or those in a folder) by itself; return table lines, content and the exit code."""
     if workers is not None and workers < 1:
@@ -141,9 +135,9 @@ def _made_of(asked: Asked) -> str:
     digest = hashlib.sha256(fingerprint().encode())
     given = Path(asked.subject)
     if given.exists():
-        near = (
-            [given] if given.is_dir() else [*given.parent.glob("*.yaml"), *given.parent.glob("*.urdf"), given]
-        )
+        near = [given]
+        if not given.is_dir():
+            near += [*given.parent.glob("*.yaml"), *given.parent.glob("*.urdf")]
         digest.update(" ".join(_digest(str(path)) for path in sorted(near)).encode())
     else:
         digest.update(asked.subject.encode())  # the name of a machine that pinotwin brings

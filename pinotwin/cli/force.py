@@ -22,15 +22,11 @@ def run(twin: str, log: str, *, link: str | None = None, out: CsvFile) -> Answer
     found = force(twin, *read_logs([log]), link=link)
     found.save(out)
     content = found.to_dict()
-    rows = [
-        [
-            name,
-            f"{row['largest']:.4g} {row['unit']}",
-            f"± {row['half_width90']:.3g} {row['unit']}",
-            f"{row['share_beyond']:.0%}",
-        ]
-        for name, row in content["axes"].items()
-    ]
+    rows = []
+    for name, row in content["axes"].items():
+        largest = f"{row['largest']:.4g} {row['unit']}"
+        half = f"± {row['half_width90']:.3g} {row['unit']}"
+        rows.append([name, largest, half, f"{row['share_beyond']:.0%}"])
     lines = columns(("axis", "largest", "90 % interval", "beyond it"), rows)
     for direction, share in content.get("link", {}).get(link, {}).items():
         how = "not felt by the axes" if share == 0.0 else f"determined for {share:.0%} of the time"

@@ -54,9 +54,7 @@ def run(
         from pinotwin.report.simulation import simulation_report
 
         files = [(beside(out, report), "the prediction, SI")]
-        how, form = made(began, step=step), predicted.controller
-        page = simulation_report(predicted.twin, predicted.command, predicted, form, files, how)
-        write_text(report, page)
+        write_text(report, simulation_report(predicted, files, made(began, step=step)))
         lines.append(f"page written to {report}")
     if rrd is not None:
         lines.append(write_recording(rrd, predicted.twin.machine, predicted.command, predicted))

@@ -65,10 +65,9 @@ def run(
     from pinotwin.viewer import view
 
     second = _subject(overlay, meshes) if overlay else None
-    modes = None if mode is None else _modes(subject, machine, posture, free, servo)
-    shown = None if modes is None or mode is None else (modes, mode)
+    shown = None if mode is None else (_modes(subject, machine, posture, free, servo), mode)
     found = view(subject, log, posture=posture, overlay=second, mode=shown, frames=not no_frames)
-    lines = [*_mode_lines(modes, mode), *found.notes]
+    lines = [*(_mode_lines(*shown) if shown else ()), *found.notes]
     page = html or (str(Path(out) / f"{found.name}.html") if out else None)
     if html:
         found.save(html)
@@ -117,10 +116,10 @@ def _subject(name: str, meshes: str | None) -> Machine | Twin:
     return replace(found, machine=found.machine.with_meshes(meshes))
 
 
-def _mode_lines(found: Modes | None, shown: int | None) -> list[str]:
+def _mode_lines(found: Modes, shown: int) -> list[str]:
     lines = []
-    for k, mode in enumerate(() if found is None else found.modes, 1):
-        parts = zip(found.names if found else (), mode.energy, strict=True)
+    for k, mode in enumerate(found.modes, 1):
+        parts = zip(found.names, mode.energy, strict=True)
         shares = ", ".join(f"{name} {share:.0%}" for name, share in parts if abs(share) >= 0.005)
         mark = " <" if k == shown else ""
         lines.append(f"mode {k}: {mode.frequency:.2f} Hz, damping {mode.damping:.3f} ({shares}){mark}")

@@ -27,21 +27,15 @@ class RotationFit:
     gravity: bool = False  # whether gravity had to serve as a second direction
 
 
-def fit_rotation(
-    x: Floats,
-    y: Floats,
-    gravity: tuple[Floats, Floats] | None = None,
-    *,
-    minimum: float = 0.02,
-    spread: float = 0.05,
-    lag: int = 100,
-) -> RotationFit:
+def fit_rotation(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None = None) -> RotationFit:
     """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem), for vectors (n, 3) each.
 
-    ``gravity`` is a direction in both frames, (n, 3) or (3,), used where ``x`` spans only one; ``minimum`` the RMS that
-    counts as excitation, in the unit of ``x``; ``spread`` the least ratio of the second to the first singular value;
-    ``lag`` the samples over which residuals are correlated. DataError if that is not enough to fix it.
+    ``gravity`` is a direction in both frames, (n, 3) or (3,), used where ``x`` spans only one. DataError if that is not
+    enough to fix it.
     """
+    # The RMS that counts as excitation, in the unit of x; the least ratio of the second to the first singular value;
+    # the samples over which residuals are correlated.
+    minimum, spread, lag = 0.02, 0.05, 100
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
         raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")

@@ -18,8 +18,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import mounting_from_rates
-from pinotwin.imu.clock import ClockFit, SyncSettings, sync
-from pinotwin.imu.filters import group_delay
+from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
 from pinotwin.imu.result import BatchResult, RunResult, remainder, run_result
@@ -50,18 +49,14 @@ class _Problem:
 
 
 def estimate(
-    servo: Sequence[ServoRun],
-    imu: Sequence[ImuRun],
-    priors: Priors | None = None,
-    clocks: Sequence[ClockFit] | None = None,
+    servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit]
 ) -> BatchResult:
     """Return the deflection of every run with all that had to be found for it; DataError where too little moves."""
-    p = Priors() if priors is None else priors
     if not servo or len(servo) != len(imu):
         raise DataError(f"{len(servo)} servo runs and {len(imu)} IMU runs; they must come in pairs")
     try:
         with np.errstate(invalid="raise", over="raise", divide="raise"):
-            problem, clocks = prepare(servo, imu, p, clocks)
+            problem = prepare(servo, imu, p, clocks)
             theta, cov = _solve(problem)
             result = _collect(problem, theta, cov, clocks)
     except (FloatingPointError, np.linalg.LinAlgError):
@@ -83,30 +78,26 @@ def _lost(p: Priors) -> DataError:
 
 
 def prepare(
-    servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit] | None
-) -> tuple[_Problem, list[ClockFit]]:
-    """Return the problem of all runs, linearised at the priors, and the clocks, found here where none are given."""
-    delay = group_delay(p.gyro_cutoff)
-    settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
-    if clocks is None:
-        clocks = [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=True)]
+    servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit]
+) -> _Problem:
+    """Return the problem of all runs, linearised at the priors."""
     models = [RunModel(s, i, p, c.to_ref(i.t)) for s, i, c in zip(servo, imu, clocks, strict=True)]
     knots = max(m.knots for m in models)
     for m in models:
         m.set_knots(knots)
-    R_ST = _first_mounting(servo, models, delay)
+    R_ST = _first_mounting(servo, models)
     lay = Layout(models[0].fine.load.shape[1], knots)
     whiteners = [Whitener.from_rest(m.read, 1.0 / m.interval) for m in models]
     mean, sd = _priors(p, lay, models)
     problem = _Problem(models, lay, R_ST, mean, sd, whiteners)
-    return _tune_mode(problem, p), list(clocks)
+    return _tune_mode(problem, p)
 
 
-def _first_mounting(servo: Sequence[ServoRun], models: list[RunModel], delay: float) -> Floats:
+def _first_mounting(servo: Sequence[ServoRun], models: list[RunModel]) -> Floats:
     rows = []
     for s, m in zip(servo, models, strict=True):
         said = make_interp_spline(s.t, np.hstack([s.w, s.R[:, 2]]), k=1)
-        rows.append(np.hstack([said(m.base - delay), m.read]))
+        rows.append(np.hstack([said(m.base - m.delay), m.read]))
     w, up, gyr, acc = np.split(np.concatenate(rows), 4, axis=1)
     return mounting_from_rates(w, gyr, (up, acc)).R
 
@@ -214,7 +205,7 @@ def _whitened(
     return both[:, :, 0], both[:, :, 1:]
 
 
-def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit]) -> BatchResult:
+def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: Sequence[ClockFit]) -> BatchResult:
     lay = problem.lay
     R_ST = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ problem.R_ST
     runs: list[RunResult] = []

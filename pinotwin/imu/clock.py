@@ -71,7 +71,6 @@ class SyncSettings:
     """How to synchronise."""
 
     delay: float = 0.0  # group delay of the sensor's own filter [s]
-    delay_sd: float = 0.0  # its uncertainty [s]
     smoothing: float = 0.02  # standard deviation in time of the low-pass on both signals [s]
     skew: float = 2e-4  # prior standard deviation of the skew [-]
     minimum: float = 0.01  # RMS variation of rate that counts as a rotation [rad/s]
@@ -104,7 +103,6 @@ def sync(
     wider = _fine(t_ref, r, t_imu, y, placed, replace(s, smoothing=1.5 * s.smoothing))[1]
     # What a stronger low-pass changes is added to the standard errors.
     se = np.sqrt(np.maximum(np.diag(cov), 0.0) + (2.0 * (x - wider)) ** 2)
-    se[:-1] = np.hypot(se[:-1], s.delay_sd)
     segments = tuple(
         ClockSegment(rows, float(p), float(at), float(e))
         for (rows, _), p, at, e in zip(placed, pivots, x, se, strict=False)

@@ -256,11 +256,10 @@ def _correct(nom: _Nominal, x: Floats, m: int) -> _Nominal:
     """Return the nominal solution with the smoothed deviations added."""
     at, k = np.arange(len(x)) * m, np.arange(len(nom.q))
     e = CubicSpline(at, x[:, _E])(k)
-    bias = nom.bias + CubicSpline(at, x[:, _B])(k)
     last = x[-1]
     return _Nominal(
         rot.multiply(rot.exp(e), nom.q),
-        bias,
+        nom.bias + CubicSpline(at, x[:, _B])(k),
         nom.K + last[_K].reshape(3, 3),
         nom.accel_bias + last[_A],
         nom.g + last[24],

@@ -29,8 +29,11 @@ def driven(system: tuple[Sequence[float], Sequence[float]], x: Floats, step: flo
     return np.asarray(y)
 
 
-def high_passed(t: Floats, angle: Floats, corner: float) -> Floats:
-    """Return angles (n, ...) without what is slower than ``corner`` [Hz], zero phase; DataError if too short."""
+def high_passed(t: Floats, angle: Floats, corner: float = 0.5) -> Floats:
+    """Return angles (n, ...) without what is slower than ``corner`` [Hz], zero phase; DataError if too short.
+
+    Above its default lies the dynamic band.
+    """
     step = float(np.median(np.diff(t)))
     if len(t) * step * corner < 2.0:
         raise DataError(f"a record of {len(t) * step:.2g} s is too short for a {corner} Hz corner")

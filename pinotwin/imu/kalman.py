@@ -27,8 +27,7 @@ class LinearModel:
 
     def smooth(self, z: Floats, variance: Floats) -> tuple[Floats, Floats]:
         """Return smoothed states (n, d) and covariances (n, d, d) for measurements (n, m) with variances (n, m)."""
-        x, P = backward(np.ascontiguousarray(self.F, dtype=float), *self._filtered(z, variance)[:4])
-        return x, P
+        return backward(np.ascontiguousarray(self.F, dtype=float), *self._filtered(z, variance)[:4])
 
     def log_likelihood(self, z: Floats, variance: Floats) -> float:
         """Return the log-likelihood of measurements alone (one forward pass)."""
@@ -37,9 +36,7 @@ class LinearModel:
     def _filtered(self, z: Floats, variance: Floats) -> tuple[Floats, Floats, Floats, Floats, float]:
         """Return predicted states and covariances, the filtered ones, and the log-likelihood."""
         given = (self.F, self.u, self.Q, self.H, z, np.broadcast_to(variance, np.shape(z)), self.x0, self.P0)
-        found: tuple[Floats, Floats, Floats, Floats, float]
-        found = _filter(*(np.ascontiguousarray(x, dtype=float) for x in given))
-        return found
+        return _filter(*(np.ascontiguousarray(x, dtype=float) for x in given))
 
 
 @compiled

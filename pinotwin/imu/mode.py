@@ -7,7 +7,7 @@ The derivatives in wn and zeta are responses of the same mode, driven by -2 zeta
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.imu.filters import driven
 
 
-@dataclass(frozen=True)
-class Response:
+class Response(NamedTuple):
     """Deflection, rate and acceleration of every load column, (n, k) each."""
 
     x: Floats

@@ -1,4 +1,4 @@
-"""Where a sensor rests, and how large its white noise is."""
+"""Where a sensor rests."""
 
 from __future__ import annotations
 
@@ -6,12 +6,6 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.signals import roughness
-
-
-def white_level(x: Floats) -> Floats:
-    """Return the standard deviation of the noise on moving signals (n, k), (k,); coloured noise reads too low."""
-    return np.array([roughness([column]) for column in np.asarray(x, dtype=float).T])
 
 
 def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:

@@ -66,9 +66,9 @@ class RunModel:
         self.rigid = low_pass(rigid, priors.accel_cutoff, f.step)
         gravity = priors.gravity / np.linalg.norm(priors.gravity)
         cross = np.cross(up @ gravity, f.axis)
-        self.sag = cross - cross[0]
-        self.sag_v = np.gradient(self.sag, f.step, axis=0)
-        self.sag_a = np.gradient(self.sag_v, f.step, axis=0)
+        sag = cross - cross[0]
+        v = np.gradient(sag, f.step, axis=0)
+        self.sag = Response(sag, v, np.gradient(v, f.step, axis=0))
         self.w_max = float(np.max(np.abs(f.w)))
 
     def set_knots(self, knots: int) -> None:
@@ -111,9 +111,8 @@ class RunModel:
         free = theta[lay["start"]]
         s = sensitivity(r.x @ gain, r.v @ gain, rest=True)
         e = sensitivity(d.x @ free, d.v @ free, rest=False)
-        mode = (s.x + e.x, s.v + e.v, s.a + e.a)
-        parts = zip(mode, (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a), (d.x, d.v, d.a), strict=True)
-        # s.a is the whole derivative of a: drive minus the mode's own
+        mode = map(np.add, s, e)  # s.a is the whole derivative of a: drive minus the mode's own
+        parts = zip(mode, r, self.sag, d, strict=True)
         return Response(*(np.concatenate(p, axis=1) for p in parts))
 
     def weights(self, theta: Floats, lay: Layout) -> Floats:
@@ -171,7 +170,7 @@ class RunModel:
         step, m, n = self.fine.step, len(at), c.x.shape[1]
         at = at - theta[lay["accel_delay"]] / step
         g, p = theta[lay["gravity"]], theta[lay["position"]]
-        stacked = low_pass(np.concatenate([c.x, c.v, c.a], axis=1), self.priors.accel_cutoff, step)
+        stacked = low_pass(np.concatenate(c, axis=1), self.priors.accel_cutoff, step)
         cols, slopes = (x.reshape(m, 3, n) for x in interpolate(stacked, at))
         weights = self.weights(theta, lay)
         d = cols @ weights

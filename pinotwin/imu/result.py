@@ -104,9 +104,6 @@ def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floa
     return LinearModel(Phi[None], np.zeros((n - 1, 4)), Q[None], C, np.zeros(4), P0)
 
 
-CORNER = 0.5  # Hz: above it lies the dynamic band
-
-
 @dataclass(frozen=True)
 class RunResult:
     """One run; arrays on the servo clock, (n,), SI."""
@@ -132,7 +129,7 @@ class RunResult:
     @property
     def dynamic(self) -> Floats:
         """The angle above 0.5 Hz [rad], (n,)."""
-        return high_passed(self.t, self.angle, CORNER)
+        return high_passed(self.t, self.angle)
 
     def verdict(self) -> str:
         """Return in words what is known of the slow angle; never one number for both bands."""
@@ -194,11 +191,11 @@ def run_result(
     columns = m.columns(theta, lay)
     extra, extra_sd = _on_clock(t, left)
     C = cov[np.ix_(lay.places, lay.places)]
-    x, v, a = (c[rows] for c in (columns.x, columns.v, columns.a))
+    x, v, a = (c[rows] for c in columns)
     y = np.stack([c @ m.weights(theta, lay) for c in (x, v, a)], axis=1) + extra
-    fast = high_passed(t, x, CORNER)
+    fast = high_passed(t, x)
     slow = x - x.mean(axis=0) - fast
-    slow_angle = y[:, 0] - np.mean(y[:, 0]) - high_passed(t, y[:, 0], CORNER)
+    slow_angle = y[:, 0] - np.mean(y[:, 0]) - high_passed(t, y[:, 0])
 
     def sd(J: Floats, k: int) -> Floats:
         variance = np.einsum("ni,ij,nj->n", J, C, J)

@@ -9,8 +9,8 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
-from pinotwin.imu.noise import rest, white_level
-from pinotwin.signals import runs
+from pinotwin.imu.noise import rest
+from pinotwin.signals import roughness, runs
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Whitener:
         samples = sum(len(p) for p in pieces)
         if samples < 0.3 * rate:
             taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
-            return cls(taps, white_level(x))
+            level = [roughness([column]) for column in x.T]  # of coloured noise it reads too low
+            return cls(taps, np.array(level))
         r = np.zeros((order + 1, x.shape[1]))  # autocovariance
         for p in (p - p.mean(axis=0) for p in pieces):
             r += np.array([np.sum(p[k:] * p[: len(p) - k], axis=0) for k in range(order + 1)]) / samples

@@ -40,6 +40,7 @@ def size(x: np.ndarray) -> float:
 
 def _sensor(sensor: Sensor) -> dict[str, Any]:
     position, position_se = sensor.batch.shared("position")
+    nonlinear = sensor.nonlinear
     return {
         "name": sensor.name,
         "link": sensor.link,
@@ -50,9 +51,7 @@ def _sensor(sensor: Sensor) -> dict[str, Any]:
         "up_in_machine": sensor.batch.R_GM_up,
         "frequency": dict(zip(("value", "se"), sensor.batch.frequency, strict=True)),
         "damping_ratio": dict(zip(("value", "se"), sensor.batch.damping, strict=True)),
-        "nonlinear": None
-        if sensor.nonlinear is None
-        else dict(zip(("hardening", "hysteresis"), sensor.nonlinear, strict=True)),
+        "nonlinear": nonlinear and dict(zip(("hardening", "hysteresis"), nonlinear, strict=True)),
         "runs": [_run(sensor, part) for part in sensor.runs],
     }
 

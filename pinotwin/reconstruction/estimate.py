@@ -122,8 +122,7 @@ class _Job:
         found: list[tuple[int, Piece, ImuRun, ClockFit]] = []
         for r, (log, imu_log) in enumerate(zip(servo, logs, strict=True)):
             found += [(r, *x) for x in self._matched(log, imu_log)]
-        pieces = [piece for _, piece, _, _ in found]
-        imus, clocks = [imu for _, _, imu, _ in found], [clock for *_, clock in found]
+        numbers, pieces, imus, clocks = zip(*found, strict=True)
 
         def estimate(servo: Sequence[ServoRun]) -> batch.BatchResult:
             return batch.estimate(servo, imus, self.prior, clocks)
@@ -134,9 +133,7 @@ class _Job:
         if needed(result.runs):
             second, result = result, estimate(with_columns(servo_runs, result.runs))
             share = shares(result, servo_runs, second.runs)
-        runs = tuple(
-            SensorRun(r, piece, imu, one) for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
-        )
+        runs = tuple(map(SensorRun, numbers, pieces, imus, result.runs))
         return Sensor(name, self.link, result, runs, tuple(log.source for log in logs), share)
 
     def _matched(self, log: Log, imu_log: Log) -> list[tuple[Piece, ImuRun, ClockFit]]:
@@ -156,20 +153,18 @@ class _Job:
         return out
 
 
-def _notes(
-    sensors: Sequence[Sensor], runs: Sequence[Motion3], *, faint: float = 6.0, loose: float = 0.1
-) -> tuple[str, ...]:
-    """Say where the mode is doubtful (below ``faint`` standard deviations) or the mounting (above ``loose`` [deg])."""
+def _notes(sensors: Sequence[Sensor], runs: Sequence[Motion3]) -> tuple[str, ...]:
+    """Say where the mode is doubtful (below 6 standard deviations) or the mounting (above 0.1 deg)."""
     out = []
     for sensor in sensors:
         speed, sd = sensor.batch.seen
-        if speed < faint * sd:
+        if speed < 6.0 * sd:
             out.append(
                 f"{sensor.name}: the joint deflects little, {np.degrees(speed):.2g} deg/s RMS known "
                 f"to +-{np.degrees(sd):.2g} deg/s; its frequency and damping are not to be trusted"
             )
         turn = float(np.degrees(np.sqrt(np.diag(sensor.batch.R_ST_cov).max())))
-        if turn > loose:
+        if turn > 0.1:
             out.append(
                 f"{sensor.name}: its mounting is known to +-{2.0 * turn:.2g} deg only, because "
                 "one axis turns (almost) alone; move a second, non-parallel axis too"

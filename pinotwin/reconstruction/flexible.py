@@ -21,17 +21,14 @@ from pinotwin.twin import Twin
 from pinotwin.twin.parameters import Parameter
 
 
-def with_vibration(
-    log: Log, vibration: Vibration | Log, joint: str | None = None, *, row: bool = False
-) -> Log:
+def with_vibration(log: Log, vibration: Vibration | Log, *, row: bool = False) -> Log:
     """Return the servo log with the channel ``<joint>.v`` of the vibration; DataError where that does not cover it.
 
     The velocity is all that the motors' equations take (thesis Eq. 7.2); ``row`` adds ``.q`` and ``.a`` as well.
     """
     if isinstance(vibration, Vibration):
         vibration = vibration.to_log()
-    names = [c.rpartition(".")[0] for c in vibration.channels if c.endswith(".v")]
-    name = joint if joint is not None else next(iter(names), "")
+    name = next((c.removesuffix(".v") for c in vibration.channels if c.endswith(".v")), "")
     channels = dict(log.channels)
     units = dict(log.units)
     kinds = ("q", "v", "a") if row else ("v",)

@@ -47,14 +47,12 @@ def orientation_of_log(log: Log, method: Method = "vqf", *, hole: float = 3.5) -
         at = float(run.t[int(np.argmax(gaps))])
         raise LogError(f"{log.source}: a hole of {gaps.max():.3g} s after {at:g} s; cut the log there")
     remade = bool(np.ptp(gaps) >= 0.01 * step)
-    if not remade:
-        t, gyr, acc, missing = run.t, run.gyr, run.acc, 0.0
-        q = orientation(gyr, acc, 1.0 / step, method)
-    else:
+    t, gyr, acc, missing = run.t, run.gyr, run.acc, 0.0
+    if remade:
         t = np.arange(run.t[0], run.t[-1], step)
         gyr, acc = (np.stack([np.interp(t, run.t, c) for c in x.T], axis=1) for x in (run.gyr, run.acc))
         k = np.clip(np.searchsorted(run.t, t), 1, len(run.t) - 1)
         missing = float(np.mean(gaps[k - 1] > hole * step))
-        q = orientation(gyr, acc, 1.0 / step, method, rule="coning")
+    q = orientation(gyr, acc, 1.0 / step, method, rule="coning" if remade else "mean")
     up = rot.to_matrix(q)[:, 2, 2]
     return Orientation(t, q, np.arccos(np.clip(up, -1.0, 1.0)), 1.0 / step, missing, acc, remade)

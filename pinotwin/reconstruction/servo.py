@@ -28,6 +28,7 @@ from pinotwin.imu.runs import Priors, ServoRun
 from pinotwin.log import Log
 from pinotwin.logs.channels import joint_positions
 from pinotwin.machine import Machine
+from pinotwin.motion import Motion
 from pinotwin.signals import low_pass
 from pinotwin.system.kernels import compiled
 
@@ -105,37 +106,19 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
 
 
 @dataclass(frozen=True)
-class Joints:
-    """Motion of all joints on a uniform clock, the passive ones at zero; (n,) and (n, nv)."""
-
-    t: Floats
-    q: Floats
-    v: Floats
-    a: Floats
-
-
-@dataclass(frozen=True)
 class Piece:
     """An unbroken stretch of a servo log."""
 
     rows: Ints  # rows of the log in it, shape (k,)
     t: Floats  # their stamps [s], (k,)
-    joints: Joints  # the same stretch on a uniform clock
+    joints: Motion  # the same stretch on a uniform clock, the passive joints at zero
     run: ServoRun  # what the batch estimate takes of it
 
 
-def pieces(
-    machine: Machine,
-    log: Log,
-    joint: str,
-    link: str,
-    cutoff: float,
-    *,
-    bridged: float = 8.5,
-    shortest: float = 5.0,
-) -> list[Piece]:
-    """Return stretches of a bound log of ``shortest`` [s] or more, positions low-passed at ``cutoff`` [Hz]."""
+def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> list[Piece]:
+    """Return stretches of a bound log of 5 s or more, positions low-passed at ``cutoff`` [Hz]."""
     # The spline bridges so many samples; the shortest holds some periods of 0.5 Hz, where the dynamic band begins.
+    bridged, shortest = 8.5, 5.0
     q = joint_positions(machine, log, "q")
     given = np.all([np.isfinite(log[f"{name}.q"]) for name in machine.axes], axis=0)
     rows = np.flatnonzero(given & np.isfinite(log.t))
@@ -149,7 +132,7 @@ def pieces(
     out = []
     for some in np.split(rows, cuts):
         if log.t[some[-1]] - log.t[some[0]] >= shortest:
-            motion = _uniform(log.t[some], q[some], step, cutoff)
+            motion = _uniform(machine, log.t[some], q[some], step, cutoff)
             run = servo_run(machine, motion, joint, link)
             out.append(Piece(some, log.t[some], motion, run))
     if not out:
@@ -161,17 +144,18 @@ def pieces(
     return out
 
 
-def _uniform(t: Floats, q: Floats, step: float, cutoff: float) -> Joints:
+def _uniform(machine: Machine, t: Floats, q: Floats, step: float, cutoff: float) -> Motion:
     """Return positions (n, nv) and their derivatives on a uniform clock."""
     count = round(float(t[-1] - t[0]) / step)
     clock = np.linspace(t[0], t[-1], count + 1)
     rate = count / float(t[-1] - t[0])
     smooth = low_pass(CubicSpline(t, q)(clock), rate, min(cutoff, 0.4 * rate), 4)
     spline = CubicSpline(clock, smooth)
-    return Joints(clock, smooth, spline(clock, 1), spline(clock, 2))
+    joints = machine.names, machine.rotary
+    return Motion.exact(joints, clock, smooth, spline(clock, 1), spline(clock, 2))
 
 
-def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoRun:
+def servo_run(machine: Machine, motion: Motion, joint: str, link: str) -> ServoRun:
     """Return what encoders and kinematics say of a link, the passive joint undeflected."""
     model, index = machine.model, machine.passive[joint].index
     twist = dynamics.frame_velocity(model, link, motion.q, motion.v)
@@ -189,7 +173,7 @@ def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoR
     )
 
 
-def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e-3) -> Floats:
+def load_columns(machine: Machine, motion: Motion, joint: str, least: float = 1e-3) -> Floats:
     """Return minus the rigid-body torque at the joint, (n, k), a column for each base parameter above a share."""
     # CAD inertias are 10 to 20 % off: each column has its own gain, which its dynamic part fixes, and so the sag.
     index = machine.passive[joint].index
@@ -206,7 +190,7 @@ def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e
     return columns[:, size > least * total]
 
 
-def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:
+def posture_column(machine: Machine, motion: Motion, joint: str, delta: Floats) -> Floats:
     """Return minus the change of rigid-body torque by ``delta``, (n, 3), without what the mode has already, (n,)."""
     j, model = machine.passive[joint].index, machine.model
     moved = [x.copy() for x in (motion.q, motion.v, motion.a)]
@@ -227,20 +211,16 @@ def needed(runs: Sequence[RunResult], unexplained: float = 0.01) -> bool:
 
 
 def with_posture(
-    machine: Machine,
-    joint: str,
-    pieces: Sequence[Piece],
-    found: Sequence[RunResult],
-    negligible: float = 1e-3,
+    machine: Machine, joint: str, pieces: Sequence[Piece], found: Sequence[RunResult]
 ) -> list[ServoRun]:
-    """Return the runs with the posture's column beside their load, unless it is a negligible share of that."""
+    """Return the runs with the posture's column beside their load, unless it is below a thousandth of that."""
     columns = []
     for piece, result in zip(pieces, found, strict=True):
         delta = np.stack([result.angle, result.velocity, result.acceleration], axis=1)
         columns.append(posture_column(machine, piece.joints, joint, delta))
     runs = [piece.run for piece in pieces]
     size = float(np.sqrt(np.mean([np.var(c) for c in columns])))
-    if size < negligible * _load_size(runs):
+    if size < 1e-3 * _load_size(runs):
         return runs
     return [replace(run, load=np.column_stack([run.load, c])) for run, c in zip(runs, columns, strict=True)]
 

@@ -17,27 +17,15 @@ import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 from urllib.parse import quote
 
 import numpy as np
+import plotly.graph_objects as go
+from jinja2 import Environment
+from markupsafe import Markup as Html
 
 from pinotwin.system.templates import asset, environment
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-    from jinja2 import Environment
-
-
-@dataclass(frozen=True)
-class Html:
-    """Markup that is ready to go into a page."""
-
-    text: str
-
-    def __html__(self) -> str:
-        """Return the markup: templates take it as it is."""
-        return self.text
 
 
 @dataclass(frozen=True)
@@ -74,6 +62,7 @@ class Tabs:
 
 
 Block = Html | Plot | Group | Tabs | str  # What a section holds; a plain string is a paragraph
+Files = Sequence[tuple[str, str]]  # Name, relative to the page, and content of what lies beside it
 
 
 @dataclass(frozen=True)
@@ -168,7 +157,7 @@ class Page:
     sections: tuple[Section, ...] = ()  # what it holds, below what its template says
     template: str = "page"  # of its own, without ``.html``
     given: Mapping[str, Any] = field(default_factory=dict)  # what that template is given
-    files: Sequence[tuple[str, str]] = ()  # name, relative to the page, and content of what lies beside it
+    files: Files = ()
     # where it comes from: version, date, options, logs; see :func:`made_of`
     made: Mapping[str, Any] = field(default_factory=dict)
 
@@ -193,7 +182,7 @@ class Page:
         return template.render(**self.given, **own, **looks, **lists, **tools)
 
 
-def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:
+def files_block(files: Files) -> list[Block]:
     """Return links to what lies beside a page, by name and content; none where nothing does."""
     rows = [(macro("link", quote(name), name), what) for name, what in files]
     return [table(("file", "what it holds"), rows)] if rows else []
@@ -248,7 +237,7 @@ class _Writer:
 
     def show(self, *blocks: Block) -> Html:
         """Return blocks as markup."""
-        return Html("".join(macro("show", block, self.figures).text for block in blocks))
+        return Html("".join(macro("show", block, self.figures) for block in blocks))
 
     def plot(self, figure: Any, title: str = "", note: str = "") -> Html:
         """Return a figure with its caption."""
@@ -262,4 +251,4 @@ class _Writer:
         anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
         if title:
             self.links.append((anchor, title))
-        return macro("section", anchor, title, paragraph(intro, "lead") if intro else "", Html(body)).text
+        return macro("section", anchor, title, paragraph(intro, "lead") if intro else "", Html(body))

@@ -24,7 +24,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_verdict as verdict
 from pinotwin.report import display, first_screen
-from pinotwin.report.blocks import Block, Group, Html, Page, Plot, Tabs, macro, table
+from pinotwin.report.blocks import Block, Files, Group, Html, Page, Plot, Tabs, macro, table
 from pinotwin.report.diagnosis_verdict import machine_of, rotary_axes
 from pinotwin.report.display import scale_of
 from pinotwin.report.figures import against_figure
@@ -41,14 +41,9 @@ COMPARED = {
 }
 
 
-def diagnosis_report(
-    d: Diagnosis,
-    logs: Log | Sequence[Log] = (),
-    validate: Sequence[Log] = (),
-    files: Sequence[tuple[str, str]] = (),
-) -> str:
+def diagnosis_report(d: Diagnosis, files: Files = ()) -> str:
     """Return a self-contained HTML page about the residual between log and model."""
-    logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
+    logs = [*d.logs, *d.validation]
     panels = evidence_panels(d, logs)
     grades = dict.fromkeys(d.grade(axis, signal) for axis, row in d.gap.items() for signal in row)
     names = [*((str(x["fault"]), x["axis"]) for x in d.recording), *((e.effect, e.axis) for e in d.effects)]
@@ -159,7 +154,7 @@ def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
 
     def against(of: Against, x: Floats) -> go.Figure:
         at = np.interp(given.t, motion.t, x[:, j])
-        return against_figure(of, turns, at, first_screen.shown(given), "residual", given.before)
+        return against_figure(of, turns, at, first_screen.shown(given), given.before)
 
     speed = Plot(against("velocity", motion.v), "Against speed", AGAINST["velocity"])
     return [Group((speed, Plot(against("position", motion.q), "Against position", AGAINST["position"])))]

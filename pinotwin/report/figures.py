@@ -189,19 +189,13 @@ def share_bars(
 
 
 def against_figure(
-    against: Against,
-    rotary: bool,
-    x: Floats,
-    series: Sequence[tuple[str, Floats, str]],
-    title: str,
-    size: Floats,
-    points: int = 450,
+    against: Against, rotary: bool, x: Floats, series: Sequence[tuple[str, Floats, str]], size: Floats
 ) -> go.Figure:
-    """Return efforts over position or speed, with medians of forty bins; ``series``: name, values [SI] (m,), colour."""
+    """Return residuals over position or speed, medians of forty bins; ``series``: name, values [SI] (m,), colour."""
     across = scale_of("v" if against == "velocity" else "q", rotary, x)
     up = scale_of("u", rotary, size)
-    rows, single = some_rows(len(x), points=points), len(series) == 1
-    figure = style(go.Figure(), 300, x=f"{against} [{across.unit}]", y=f"{title} [{up.unit}]")
+    rows, single = some_rows(len(x), points=450), len(series) == 1
+    figure = style(go.Figure(), 300, x=f"{against} [{across.unit}]", y=f"residual [{up.unit}]")
     for name, y, colour in series:
         cloud = dots(across(x[rows]), up(y[rows]), name, MEASURED if single else colour)
         figure.add_trace(cloud.update(legendgroup=name))

@@ -71,11 +71,9 @@ def which_data(d: Diagnosis) -> str:
         role: _names([row for row in logs if row.get("role") == role]) for role in ("diagnosed", "validation")
     }
     valid = SCREEN["valid"].format(logs=names["validation"]) if names["validation"] else ""
-    of = (
-        SCREEN["model"]
-        if d.situation == "structure"
-        else SCREEN["twin"].format(logs=_names(twin) or "earlier logs")
-    )
+    of = SCREEN["model"]
+    if d.situation != "structure":
+        of = SCREEN["twin"].format(logs=_names(twin) or "earlier logs")
     return SCREEN["logs"].format(logs=names["diagnosed"] or "the log", valid=valid, reference=of)
 
 

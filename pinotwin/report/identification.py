@@ -196,7 +196,7 @@ def residual_figure(given: Evidence, j: int, against: Against) -> go.Figure:
     use = given.use[:, j]
     x = (given.v if against == "velocity" else given.q)[:, j]
     clouds = [("residual", given.residual[use, j], RESIDUAL)]
-    return figures.against_figure(against, given.rotary[j], x[use], clouds, "residual", given.u[:, j])
+    return figures.against_figure(against, given.rotary[j], x[use], clouds, given.u[:, j])
 
 
 def spectrum_figure(given: Evidence, j: int) -> go.Figure:

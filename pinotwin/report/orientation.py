@@ -6,8 +6,6 @@ is taken out, zero for a sensor that stays in the room: over g, it is the tilt o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import plotly.graph_objects as go
 
@@ -17,7 +15,7 @@ from pinotwin.imu import rotation as rot
 from pinotwin.log import Log
 from pinotwin.reconstruction.orientation import Orientation
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, Page, Tile, tiles
+from pinotwin.report.blocks import Files, Html, Page, Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, Line, Panel, over_time
 from pinotwin.version import __version__
 
@@ -35,11 +33,7 @@ ANGLES = {  # Angle -> what it is
 
 
 def orientation_page(
-    found: Orientation,
-    log: Log,
-    method: str,
-    other: tuple[str, Orientation],
-    files: Sequence[tuple[str, str]] = (),
+    found: Orientation, log: Log, method: str, other: tuple[str, Orientation], files: Files
 ) -> Page:
     """Return the page about an orientation, found by a method, with another method and what that finds."""
     said = f"{len(found.t)} rows at {found.rate:.4g} Hz · {METHODS[method]}"

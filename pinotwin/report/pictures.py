@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from functools import singledispatch
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ def picture(result: Any) -> str:
     return still(drawn)
 
 
-save: Callable[..., list[str]] = save_diagnosis
+save = save_diagnosis
 
 
 @singledispatch
@@ -105,7 +104,7 @@ def _(predicted: Prediction) -> go.Figure:
 
 @page.register
 def _(predicted: Prediction) -> str:
-    return simulation_report(predicted.twin, predicted.command, predicted, predicted.controller)
+    return simulation_report(predicted)
 
 
 @figure.register

@@ -53,7 +53,7 @@ def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> s
     """Return the page of a diagnosis, its own logs and effects at hand."""
     named = (*found.effects, *found.possible)
     with given(type(e.listed) for e in named if e.listed is not None):  # whoever wrote them
-        return diagnosis_report(found, found.logs, found.validation, files=tuple(files))
+        return diagnosis_report(found, tuple(files))
 
 
 def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> list[str]:

@@ -6,7 +6,7 @@ Errors are held against what the closed loop left of held-out rows; causes are t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from pinotwin.diagnosis.conclusion.provenance import made_of
@@ -15,27 +15,22 @@ from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, Page, chip, table
+from pinotwin.report.blocks import Files, Html, Page, chip, table
 from pinotwin.report.closed_loop import Column, Scores, held_out_error, scores_table, servo_table, share
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.signals import rms
+from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound, compare, measured
 from pinotwin.system.phrases import LOOPS, SERVOS, SIMULATED, SIMULATED_GRADES, joined
 from pinotwin.twin import Twin
 
 
-def simulation_report(
-    twin: Twin,
-    log: Log,
-    predicted: Log,
-    form: str,
-    files: Sequence[tuple[str, str]] = (),
-    made: Mapping[str, Any] | None = None,
-) -> str:
+def simulation_report(predicted: Prediction, files: Files = (), made: Mapping[str, Any] | None = None) -> str:
     """Return the page of a simulated command and its log, as HTML; ``files``: content by name, ``made``: how."""
-    machine, known = twin.machine, dict(made or {})
-    log = bound(machine, log)
+    twin, form, known = predicted.twin, predicted.controller, dict(made or {})
+    machine = twin.machine
+    log = bound(machine, predicted.command)
     scores = compare(machine, log, predicted)
     grades = {
         (axis, s): grade_of(  # of rows in motion, of all where the command never moves

@@ -122,9 +122,8 @@ def study(
         machine.axis(name)
     if twin is None and set(kinds) - {"amount", "coupling"}:
         twin = identify(machine, logs, loop="errors" in kinds, report=report)
-    out = Studied(
-        Page(f"{machine.name}: studies", ", ".join(one.source for one in logs)), machine=machine.name
-    )
+    page = Page(f"{machine.name}: studies", ", ".join(one.source for one in logs))
+    out = Studied(page, machine=machine.name)
     for i, kind in enumerate(kinds):
         tell(f"study: {kind}", i / len(kinds))
         try:

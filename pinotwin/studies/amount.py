@@ -19,26 +19,18 @@ from pinotwin.studies.study import Study
 from pinotwin.system.phrases import STUDIED
 
 
-def error_against_data(
-    machine: Machine,
-    log: Log | Sequence[Log],
-    *,
-    seconds: Sequence[float] | None = None,
-    keep_back: float = 0.3,
-    guard: float = 0.02,
-) -> Study:
+def error_against_data(machine: Machine, log: Log | Sequence[Log]) -> Study:
     """Identify a machine from ever more of a log; judge each fit on its end, which none saw; DataError if too short.
 
     Every fit is a whole one. The error is ||u - u_hat|| / ||u|| of all axes; a row of the table is the length of the
     data [s], the error on them and the held-out one. An axis' course is the latter, NaN where it stands, shape (rows,).
     """
-    if not 0.0 < keep_back < 0.9:
-        raise DataError(f"keep_back is a share of the log between 0 and 0.9, not {keep_back:g}")
+    keep_back, guard = 0.3, 0.02  # held out at the end of the log, and left out before it
     motion = prepare(machine, log)
     n = len(motion)
     last, first_kept = int((1.0 - keep_back - guard) * n), int((1.0 - keep_back) * n)
     test = motion.cut(first_kept, n)
-    every = (_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds))
+    every = (_one(machine, motion, test, stop) for stop in map(int, np.linspace(0, last, 11)[1:]))
     found = [row for row in every if row is not None]
     if not found:
         raise DataError(f"{motion.source}: too short to fit any part of it; record a longer log")
@@ -54,18 +46,6 @@ def _enough(seconds: Floats, held_out: Floats) -> float | None:
     far = np.flatnonzero(np.abs(held_out - held_out[-1]) > 0.05 * held_out[-1])
     first = 0 if not len(far) else int(far[-1]) + 1
     return float(seconds[first]) if first < len(seconds) - 1 else None
-
-
-def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[int]:
-    if seconds is None:
-        return [int(x) for x in np.linspace(0, last, 11)[1:]]
-    wanted = [round(x / motion.step) for x in seconds]
-    if any(x <= 0 or x > last for x in wanted):
-        raise DataError(
-            f"{motion.source}: lengths of data must lie between 0 and {last * motion.step:.3g} s "
-            "(the end of the log is held out for validation)"
-        )
-    return wanted
 
 
 def _one(machine: Machine, motion: Motion, test: Motion, stop: int) -> tuple[float, Floats, Floats] | None:

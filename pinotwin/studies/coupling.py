@@ -37,7 +37,7 @@ HEADER = (
 
 
 def coupled_against_decoupled(
-    machine: Machine, log: Log | Sequence[Log], *, axes: Sequence[str] = (), decimate: int | None = None
+    machine: Machine, log: Log | Sequence[Log], *, axes: Sequence[str] = ()
 ) -> Study:
     """Fit a machine with and without the coupling between its axes; DataError where the log holds too little.
 
@@ -45,7 +45,7 @@ def coupled_against_decoupled(
     deviation. The courses are of the axis that needs coupling most, (m,): ``t``, the measured effort ``u``, and what
     the ``coupled`` and the ``decoupled`` model expect of rows that they did not see.
     """
-    motion = prepare(machine, log, decimate=decimate)
+    motion = prepare(machine, log)
     plant = fit_plant(machine, motion)
     coupled = assemble(motion, plant.effects, plant.rows)
     decoupled, bounds = decoupled_problem(machine, motion, plant.effects)

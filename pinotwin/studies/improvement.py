@@ -92,7 +92,7 @@ def improve(
     """
     tell = report or (lambda stage, done: None)
     believed, logs, sealed = as_machine(machine), as_logs(log), as_logs(validate, "validate")
-    twin = _identified(believed, logs, sealed, tell, 0, most)
+    twin = identify(believed, logs, validate=sealed, report=_part(tell, 0, most, ""))
     steps = [Step((), sealed_errors(twin, sealed))]
     for k in range(1, most + 1):
         found = diagnose(believed, logs, seed=seed, report=_part(tell, k, most, "diagnosis: "))
@@ -102,7 +102,8 @@ def improve(
         if not added:
             why = f"what the diagnosis finds is no part of a machine: {'; '.join(map(_said, found.effects))}"
             return Improvement(twin, steps, why if found.effects else "the diagnosis finds no further effect")
-        better = _identified(richer := found.repaired(), logs, sealed, tell, k, most)
+        richer = found.repaired()
+        better = identify(richer, logs, validate=sealed, report=_part(tell, k + 0.5, most, ""))
         errors = sealed_errors(better, sealed)
         kept = ratio(steps[-1].errors, errors) < 1.0
         steps.append(Step([_said(e) for e in added], errors, kept))
@@ -133,12 +134,6 @@ def ratio(before: Errors, after: Errors) -> float:
         if signal in after.get(name, {}) and x > 0.0 and after[name][signal] > 0.0
     ]
     return float(np.exp(np.mean([np.log(y / x) for x, y in pairs]))) if pairs else np.inf
-
-
-def _identified(
-    machine: Machine, logs: Sequence[Log], sealed: Sequence[Log], tell: Tell, step: int, most: int
-) -> Twin:
-    return identify(machine, logs, validate=sealed, report=_part(tell, step + 0.5 * (step > 0), most, ""))
 
 
 def _part(tell: Tell, step: float, most: int, prefix: str) -> Tell:
