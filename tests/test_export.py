@@ -21,8 +21,7 @@ from pinotwin.dynamics.batch import inverse
 from pinotwin.effects import LISTED, total_effort
 from pinotwin.errors import InputError
 from pinotwin.export import export_twin
-from pinotwin.export.curve import curve
-from pinotwin.export.inverse import default_speed, default_travel, inverse_of, sweep
+from pinotwin.export.inverse import curve, default_speed, default_travel, inverse_of, sweep
 from pinotwin.machine.effect_list import make_effects
 from tests.simulated import known_twin, plain_machine
 
@@ -255,7 +254,7 @@ def test_curve_keeps_its_tolerance_with_few_knots():
     x = np.linspace(0.0, 1.0, 5001)
     y = np.sin(20.0 * x) + 0.2 * x
     made = curve(x, y, 1e-3)
-    assert np.abs(made(x) - y).max() <= 1e-3 * (1.0 + 1e-9)
+    assert np.abs(np.interp(x, *made) - y).max() <= 1e-3 * (1.0 + 1e-9)
     assert len(made.x) < 200
     assert len(curve(x, np.full_like(x, 3.0), 1e-3).x) == 1
 

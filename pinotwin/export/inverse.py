@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pprint import pformat
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from pinotwin.analysis.disturbance import linear_terms
 from pinotwin.arrays import Floats, mapped
 from pinotwin.dynamics.parameters import joint_axis
 from pinotwin.effects import total_effort
-from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -126,12 +125,8 @@ def _curves(made: Tables, nv: int) -> dict[str, Any]:
     dry = []
     for k, (j, partner) in enumerate(tables.directions):
         plus, minus = (_thin(speeds[j], row) for row in tables.dry[k])
-        row = {
-            "joint": int(j),
-            "partner": int(partner),
-            "slope": 0.0 if partner >= 0 else float(tables.slope[k]),
-        }
-        dry.append(row | {"plus": plus, "minus": minus})
+        slope = 0.0 if partner >= 0 else float(tables.slope[k])
+        dry.append({"joint": int(j), "partner": int(partner), "slope": slope, "plus": plus, "minus": minus})
     slip = []
     for k, j in enumerate(tables.slips):
         stiff, play, m, d = (float(x) for x in tables.memory[k])
@@ -164,6 +159,31 @@ def _both_signs(j: int, speeds: Floats, values: Floats) -> tuple[int, list[float
     x = np.concatenate([-speeds[:0:-1], speeds])
     y = np.concatenate([values[1, :0:-1], values[0]])
     return (j, *_thin(x, y))
+
+
+class Curve(NamedTuple):
+    """A function of one number: straight between the knots ``x``, its end values beyond them."""
+
+    x: list[float]
+    y: list[float]
+
+
+def curve(x: Floats, y: Floats, tolerance: float) -> Curve:
+    """Return a curve within ``tolerance`` of the samples y at increasing x, both of shape (n,) (Reumann & Witkam)."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if len(x) == 1 or np.ptp(y) <= 2.0 * tolerance:
+        return Curve([float(x[0])], [float(0.5 * (y.min() + y.max()))])
+    kept, low, high = [0], -np.inf, np.inf
+    for k in range(1, len(x)):
+        slope = (y[k] - y[kept[-1]]) / (x[k] - x[kept[-1]])
+        if not low <= slope <= high:  # the straight line to k would leave a sample in between
+            kept.append(k - 1)
+            low, high = -np.inf, np.inf
+        run = x[k] - x[kept[-1]]
+        rise = y[k] - y[kept[-1]]
+        low, high = max(low, (rise - tolerance) / run), min(high, (rise + tolerance) / run)
+    kept.append(len(x) - 1)
+    return Curve([float(v) for v in x[kept]], [float(v) for v in y[kept]])
 
 
 STEP = 0.002  # of the sweep [s]
@@ -264,12 +284,8 @@ def _data(data: dict[str, Any]) -> str:
         key: (len(joints[0][key]), [row[key] for row in joints])
         for key in ("axis", "rotation", "place", "centre", "inertia")
     }
-    tables |= {
-        "position": (2, position),
-        "velocity": (2, velocity),
-        "dry": (4, sliding),
-        "slip": (2, slipping),
-    }
+    tables |= {"position": (2, position), "velocity": (2, velocity)}
+    tables |= {"dry": (4, sliding), "slip": (2, slipping)}
     tables["yields"] = (yields, [row["yields"] for row in slip])
     tables["contact"] = (4, [[row[k] for k in ("x_s", "play", "m", "d")] for row in slip])
     tables |= {"coupled": (2, [row[:2] for row in tied]), "tied": (2, [row[2:] for row in tied])}

@@ -28,24 +28,23 @@ _FRICTION = {"solreffriction": "0.001 1", "solimpfriction": "0.99 0.99 0.001"}
 
 def mjcf_files(twin: Twin, inverse: Inverse, stem: str) -> tuple[dict[str, bytes], list[str]]:
     """Return the MJCF file and the module beside it by name, and what the two leave out, a line each."""
-    native, geometry = split(inverse.data), geometry_of(twin.machine.urdf, twin.machine.model)
+    native = split(inverse.data)
+    shapes, meshes, lost = geometry_of(twin.machine.urdf, twin.machine.model)
     out = [f"left out: {', '.join(native.inexpressible)}"] if native.inexpressible else []
     files = {
-        f"{stem}.xml": _model(twin, inverse, native, geometry),
+        f"{stem}.xml": _model(twin, inverse, native, {"shapes": shapes, "meshes": meshes}),
         f"{stem}_passive.py": _passive(twin, native, stem, out).encode(),
     }
     odd = impossible_bodies(twin.model)
     if odd:
         out.append(f"MuJoCo balances the inertia of {', '.join(odd)}: what was identified cannot exist")
-    if geometry.lost:
-        out.append(
-            f"{geometry.lost} shapes are not drawn: MuJoCo reads meshes as STL and OBJ, and from a file"
-        )
+    if lost:
+        out.append(f"{lost} shapes are not drawn: MuJoCo reads meshes as STL and OBJ, and from a file")
     return files, out
 
 
-def _model(twin: Twin, inverse: Inverse, native: Native, geometry: Geometry, step: float = 5e-4) -> bytes:
-    """Return the text of the MJCF file, for a time step [s]."""
+def _model(twin: Twin, inverse: Inverse, native: Native, drawn: dict[str, Any], step: float = 5e-4) -> bytes:
+    """Return the text of the MJCF file with the shapes and meshes that are ``drawn``, for a time step [s]."""
     model = twin.model
     compiler = {"angle": "radian", "autolimits": "true", "boundmass": "0", "fusestatic": "false"}
     if impossible_bodies(model):
@@ -57,8 +56,7 @@ def _model(twin: Twin, inverse: Inverse, native: Native, geometry: Geometry, ste
         header=header(inverse),
         compiler=compiler,
         option={"timestep": f"{step:g}", "integrator": "implicitfast", "gravity": gravity},
-        meshes=geometry.meshes,
-        shapes=geometry.shapes,
+        **drawn,
         bodies=_bodies(twin, native),
         ties=_ties(twin, native),
         motors=_motors(twin),
@@ -208,21 +206,16 @@ def _level(row: dict[str, Any]) -> tuple[float, dict[str, Any] | None]:
     return level, row | {"plus": plus._replace(y=rest_plus), "minus": minus._replace(y=rest_minus)}
 
 
-@dataclass(frozen=True)
-class Geometry:
-    """Shapes by joint number (0: the base), meshes, and how many shapes could not be taken."""
+def geometry_of(path: Path, model: pin.Model) -> tuple[dict[int, list[_Attributes]], list[_Attributes], int]:
+    """Return the visual shapes of a URDF, placed in the joints of the model.
 
-    shapes: dict[int, list[dict[str, str]]]  # joint number -> attributes of each ``<geom>``
-    meshes: list[dict[str, str]]  # attributes of each ``<mesh>``
-    lost: int  # meshes that MuJoCo does not read or that are not there
-
-
-def geometry_of(path: Path, model: pin.Model) -> Geometry:
-    """Return the visual shapes of a URDF, placed in the joints of the model."""
+    They are joint number (0: the base) -> attributes of each ``<geom>``, attributes of each ``<mesh>``, and how many
+    were lost: meshes that MuJoCo does not read or that are not there.
+    """
     root = read_tree(path)
     resolve_meshes(root, path)
-    shapes = dict[int, list[dict[str, str]]]()
-    meshes, lost = list[dict[str, str]](), 0
+    shapes = dict[int, list[_Attributes]]()
+    meshes, lost = list[_Attributes](), 0
     for link in root.findall("link"):
         name = str(link.get("name"))
         if not model.existFrame(name, pin.FrameType.BODY):
@@ -236,7 +229,7 @@ def geometry_of(path: Path, model: pin.Model) -> Geometry:
             at = pin.SE3(frame.placement) * _origin(visual.find("origin"))
             shape |= {"pos": numbers(at.translation), "quat": quaternion(at.rotation)}
             shapes.setdefault(int(frame.parentJoint), []).append(shape)
-    return Geometry(shapes, meshes, lost)
+    return shapes, meshes, lost
 
 
 def _origin(element: etree._Element | None) -> pin.SE3:

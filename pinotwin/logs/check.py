@@ -24,15 +24,10 @@ from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import FREE, MOVING, incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
+from pinotwin.signals import rms
 
-_POSITION = (
-    "axis_still",
-    "position_limit",
-    "position_unit",
-    "speed_limit",
-    "command_disagrees",
-    "effort_scale",
-)
+_SCALE = ("position_limit", "speed_limit", "effort_scale")
+_POSITION = (*_SCALE, "axis_still", "position_unit", "command_disagrees")
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("rows_doubled", "rows_lost", "command_jitter"), ("effort_strange", "command_late")),
     **dict.fromkeys(("rows_held", "interpolated"), ("effort_strange", "rows_doubled", "command_late")),
@@ -40,7 +35,7 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),
     "spikes": _POSITION,
-    "position_unit": ("position_limit", "speed_limit", "effort_scale"),
+    "position_unit": _SCALE,
     "position_exchanged": ("position_limit", "speed_limit"),
     "effort_exchanged": ("effort_limit", "effort_lead"),
     "effort_scale": ("effort_limit", "effort_weightless"),
@@ -136,16 +131,14 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
 
 def machine_findings(machine: Machine) -> list[Finding]:
     """Return what the tree of a machine, and its URDF, say."""
-    root = read_tree(machine.urdf)
+    root, model = read_tree(machine.urdf), machine.model
     out = [finding("urdf_invalid", part, problems=text) for part, text in incomplete(root).items()]
-    for joint, problem in impossible_bodies(machine.model).items():
-        out.append(finding("body_impossible", joint, problem=problem))
-    for joint, (radius, size) in oversized_bodies(machine.model).items():
+    out += [finding("body_impossible", joint, problem=x) for joint, x in impossible_bodies(model).items()]
+    for joint, (radius, size) in oversized_bodies(model).items():
         out.append(finding("body_oversized", joint, radius=radius, size=size))
     out += [finding("joint_free", str(j.get("name"))) for j in root.findall("joint") if j.get("type") in FREE]
-    for joint, leader in mimics(root).items():
-        if joint not in machine.model.names:
-            out.append(finding("joint_mimics", joint, leader=repr(leader)))
+    followers = {joint: leader for joint, leader in mimics(root).items() if joint not in model.names}
+    out += [finding("joint_mimics", joint, leader=repr(leader)) for joint, leader in followers.items()]
     moved = {j.find("child").get("link") for j in root.findall("joint") if j.get("type") in MOVING}  # type: ignore[union-attr]
     for link in root.findall("link"):
         if link.find("inertial") is None and link.get("name") in moved:
@@ -166,8 +159,7 @@ def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitat
     for joint in range(machine.nv):
         u = motion.u[inside, joint]
         usable = motion.use[inside, joint] & np.isfinite(u)
-        size = float(np.sqrt(np.mean(u[usable] ** 2))) if usable.any() else 0.0
-        if size > 0.0:
+        if (size := rms(u[usable])) > 0.0:
             rows.append(w[usable, joint] / size)
     if not rows:
         raise MachineError(f"{motion.source}: no axis has both motion and effort")
@@ -178,7 +170,7 @@ def _usual_sizes(machine: Machine) -> Floats:
     """Return the magnitude to expect of each base parameter: where CAD says zero, a tenth of others of its kind."""
     beta = np.abs(machine.base.from_standard(parameters(machine.model)))
     units = np.array(machine.base.units)
-    floor = {unit: 0.1 * float(np.sqrt(np.mean(beta[units == unit] ** 2))) for unit in set(units)}
+    floor = {unit: 0.1 * rms(beta[units == unit]) for unit in set(units)}
     return np.maximum(beta, [floor[unit] or 1e-3 for unit in units])
 
 

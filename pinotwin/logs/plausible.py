@@ -16,21 +16,8 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.columns import unsized
 from pinotwin.log import Log
-from pinotwin.logs.effort_alone import (
-    Examined,
-    alone,
-    drives,
-    frictionless,
-    is_reversed,
-    is_strange,
-    is_unsigned,
-    late,
-    named,
-    scaled,
-    turned_round,
-    untold,
-    weightless,
-)
+from pinotwin.logs import effort_alone as effort
+from pinotwin.logs.effort_alone import Examined
 from pinotwin.logs.explained import Course, Explained, course, explained
 from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
@@ -38,6 +25,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
 
+_Shares = Mapping[str, float]  # axis -> share of the power of its effort that nothing accounts for
 _WRONG = {  # what is wrong -> signal, code of its finding, and its words
     "effort": ("u", "effort_exchanged", "exchanged efforts of {0}"),
     "position": ("q", "position_exchanged", "exchanged positions of {0}"),
@@ -55,19 +43,19 @@ def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = US
         return None
     axes = tuple(explained(machine, motion.u, at))
     fits = {axis.name: axis.lag() for axis in axes}
-    nonsense = {x.name: alone(x, log.channels.get(f"{x.name}.u", x.u), fits[x.name]) for x in axes}
+    nonsense = {x.name: effort.alone(x, log.channels.get(f"{x.name}.u", x.u), fits[x.name]) for x in axes}
     clear = [axis for axis in axes if nonsense[axis.name] is None]
     out = [one for one in nonsense.values() if one is not None]
     swapped = list(exchanged(machine, motion.u, at, clear))
-    rest = [axis for axis in clear if axis.name not in named(swapped)]
+    rest = [axis for axis in clear if axis.name not in effort.named(swapped)]
     open_ = {*unsized(log), *(name for name, column in machine.columns.items() if column.found)}
-    wrong_sign = list(turned_round(rest, fits))
-    light = [] if wrong_sign else list(weightless([x for x in rest if f"{x.name}.u" not in open_]))
-    out += [*swapped, *late(rest, fits, motion.step), *wrong_sign, *light, *frictionless(rest)]
-    out += [finding("effort_strange", f"{x.name}.u") for x in rest if is_strange(x, fits[x.name])]
+    wrong_sign = list(effort.turned_round(rest, fits))
+    light = [] if wrong_sign else list(effort.weightless([x for x in rest if f"{x.name}.u" not in open_]))
+    out += [*swapped, *effort.late(rest, fits, motion.step), *wrong_sign, *light, *effort.frictionless(rest)]
+    out += [finding("effort_strange", f"{x.name}.u") for x in rest if effort.is_strange(x, fits[x.name])]
     for axis in rest:
-        if axis.name not in named(wrong_sign) and f"{axis.name}.u" not in open_:
-            out += scaled(axis, fits[axis.name])
+        if axis.name not in effort.named(wrong_sign) and f"{axis.name}.u" not in open_:
+            out += effort.scaled(axis, fits[axis.name])
     return Examined(tuple(out), at, axes)
 
 
@@ -89,7 +77,7 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined, most: int = 12) 
     for axis in explained(machine, motion.u, at):
         for what in _of_effort(axis, motion.step) if axis.name in sound else ():
             of.setdefault(what, []).append(axis.name)
-        if untold(motion, machine.axes[axis.name].index, efforts.at.settings):
+        if effort.untold(motion, machine.axes[axis.name].index, efforts.at.settings):
             of.setdefault("a command of {0} that is 20 ms late", []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
         of.setdefault(_WRONG[what][2], []).append(" and ".join(who))
@@ -100,16 +88,16 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined, most: int = 12) 
 def _of_effort(axis: Explained, step: float, lag: float = 0.02, unit: float = 9.0) -> Iterator[str]:
     """Yield what would go unnamed of one effort: so late [s], so many times too large, or without its sign."""
     behind = replace(axis, u=np.roll(axis.u, round(lag / step)))
-    if not list(late([behind], {axis.name: behind.lag()}, step)):
+    if not list(effort.late([behind], {axis.name: behind.lag()}, step)):
         yield "an effort of {0} that is 20 ms late"
     fit = axis.lag()
-    if not all(list(scaled(replace(axis, u=f * axis.u), fit)) for f in (unit, 1.0 / unit)):
+    if not all(list(effort.scaled(replace(axis, u=f * axis.u), fit)) for f in (unit, 1.0 / unit)):
         yield "a wrong effort unit on {0}"
-    if not is_reversed(replace(axis, u=-axis.u), fit):
+    if not effort.is_reversed(replace(axis, u=-axis.u), fit):
         yield "a wrong effort sign on {0}"
     low, high = np.percentile(axis.u[axis.rows], (0.5, 99.5))
     hangs = low > 0.1 * high or high < 0.1 * low
-    if not hangs and not is_unsigned(replace(axis, u=np.abs(axis.u)), np.abs(axis.u)):
+    if not hangs and not effort.is_unsigned(replace(axis, u=np.abs(axis.u)), np.abs(axis.u)):
         yield "a missing effort sign on {0}"
 
 
@@ -161,7 +149,8 @@ def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> I
             yield "position", a, b
     for a in tried:
         turned = list(explained(machine, u, at.turned(place[a])))
-        if not _is_seen({x.name: x.left for x in turned}, own, (a,), limit) and not any(map(drives, turned)):
+        seen = _is_seen({x.name: x.left for x in turned}, own, (a,), limit)
+        if not seen and not any(map(effort.drives, turned)):
             yield "sign", a
 
 
@@ -169,9 +158,7 @@ def _left(machine: Machine, u: Floats, at: Course) -> dict[str, float]:
     return {axis.name: axis.left for axis in explained(machine, u, at)}
 
 
-def _is_seen(
-    spoiled: Mapping[str, float], own: Mapping[str, float], who: Sequence[str], limit: Settings
-) -> bool:
+def _is_seen(spoiled: _Shares, own: _Shares, who: Sequence[str], limit: Settings) -> bool:
     """Whether positions that leave ``spoiled`` of the efforts would be named, as those that are leave ``own``."""
     if not set(own) <= set(spoiled):
         return False
@@ -179,9 +166,7 @@ def _is_seen(
     return doubted and _of_positions(spoiled, own, who, limit) < limit.closer
 
 
-def _of_positions(
-    own: Mapping[str, float], now: Mapping[str, float], who: Sequence[str], limit: Settings
-) -> float:
+def _of_positions(own: _Shares, now: _Shares, who: Sequence[str], limit: Settings) -> float:
     """Return what is left of all efforts with other positions of ``who`` over what is left as they are."""
     every = float(np.prod([now[n] / own[n] for n in own]))
     if len(who) == 1:

@@ -16,16 +16,7 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.columns import bind
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
-from pinotwin.logs.channels import (
-    SHORTEST,
-    efforts,
-    external,
-    has_commands,
-    joint_positions,
-    load_positions,
-    stretches,
-    usable,
-)
+from pinotwin.logs import channels
 from pinotwin.logs.clock import even_clock
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
@@ -99,7 +90,7 @@ class EvenLogs:
         if not logs:
             raise DataError(f"{machine.name}: no log given; give at least one")
         even = [_regular(machine, item, how, settings) for item in logs]
-        rates = [1.0 / _step(log.t, stretches(machine, log)) for log in even]
+        rates = [1.0 / _step(log.t, channels.stretches(machine, log)) for log in even]
         slowest = min(rates)
         same = (1.0 + settings.same_rate) * slowest
         pairs = zip(even, rates, strict=True)
@@ -136,7 +127,7 @@ class EvenLogs:
 
 def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) -> Log:
     """Return a log in the names and units of the contract, on an even clock; its notes say what was done to it."""
-    bound = replace(usable(machine, bind(log, machine.columns)), notes=())
+    bound = replace(channels.usable(machine, bind(log, machine.columns)), notes=())
     bound = without(bound, how.leave_out)
     even = even_clock(bound, list(machine.axes), settings)
     return even if how.resample is None else _resampled(even, how.resample)
@@ -175,14 +166,14 @@ def _resampled(log: Log, rate: float) -> Log:
     smooth = {}
     for name, x in log.channels.items():
         if name != "t":
-            parts = [p for p in segments(log.t, valid=np.isfinite(x)) if p.stop - p.start > SHORTEST]
+            parts = [p for p in segments(log.t, valid=np.isfinite(x)) if p.stop - p.start > channels.SHORTEST]
             smooth[name] = low_pass(x, now, 0.4 * rate, segments=parts)
     said = interpolated(log.with_channels({**log.channels, **smooth}), rate, smooth=True)
     return replace(said, notes=(*said.notes, f"low-passed at {0.4 * rate:.4g} Hz before"))
 
 
 def _corner(machine: Machine, log: Log) -> float:
-    parts = stretches(machine, log)
+    parts = channels.stretches(machine, log)
     q = np.stack([log[f"{name}.q"] for name in machine.axes], axis=1)
     return suggest_cutoff(q, 1.0 / _step(log.t, parts), parts)
 
@@ -196,25 +187,25 @@ def _step(t: Floats, parts: Sequence[slice]) -> float:
 def _prepare_one(
     machine: Machine, log: Log, how: DataSettings, leads: Mapping[str, float], settings: Settings
 ) -> Motion:
-    parts = stretches(machine, log, max(SHORTEST, 3 * how.order + 1))
+    parts = channels.stretches(machine, log, max(channels.SHORTEST, 3 * how.order + 1))
     step = _step(log.t, parts)
     rate = 1.0 / step
     cutoff = how.cutoff or 0.0
     corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
     vibrates = any(f"{name}.v" in log for name in machine.passive)
     smoother = Smoother(step, corner, how.order, tuple(parts), vibrates or not np.isfinite(corner))
-    q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
+    q, v, a = smoother.derivatives(channels.joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
     q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[np.r_[*parts]][:, ~moves].mean(axis=0), 0.0, 0.0
     v, a, notes = _measured_derivatives(machine, log, (v, a), smoother, moves, settings.other_speed)
-    u, load = efforts(machine, _put_back(log, leads, parts)), external(machine, log)
+    u, load = channels.efforts(machine, _put_back(log, leads, parts)), channels.external(machine, log)
     if how.filter_effort:
         u = np.where(np.isfinite(u), smoother.smooth(np.nan_to_num(u)), np.nan)
         load = None if load is None else smoother.smooth(load)
     qr = vr = ar = None
-    if has_commands(machine, log):
-        qr, vr, ar = smoother.derivatives(joint_positions(machine, log, "qr"))
-    ql = load_positions(machine, log)
+    if channels.has_commands(machine, log):
+        qr, vr, ar = smoother.derivatives(channels.joint_positions(machine, log, "qr"))
+    ql = channels.load_positions(machine, log)
     thin = how.decimate or (max(1, int(rate / (5.0 * corner))) if np.isfinite(corner) else 1)
     edge = edge_samples(corner, rate, how.order)
     head, tail = how.drop if how.drop is not None else (edge, edge)
@@ -233,7 +224,7 @@ def _prepare_one(
         ar=ar,
         ql=None if ql is None else smoother.smooth(ql),
         external=load,
-        segments=_trimmed(parts, head, tail, SHORTEST if thin == 1 else _DECIMATOR, log.source),
+        segments=_trimmed(parts, head, tail, channels.SHORTEST if thin == 1 else _DECIMATOR, log.source),
         step=step,
         use=_fast_enough(machine, v, a) & moves,
         decimation=thin,

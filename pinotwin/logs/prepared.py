@@ -81,19 +81,17 @@ class Prepared:
 
 
 def _limits(machine: Machine) -> dict[str, Limits]:
-    model = machine.model
+    model, plain = machine.model, machine.transmission is None
     out = {}
     for name, axis in machine.axes.items():
         i = axis.index
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
         speed = float(model.upperVelocityLimit[i])
-        effort = axis.effort_limit
         # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
-        plain = machine.transmission is None
         out[name] = Limits(
             position=(low, high) if plain and high - low < 1e8 else None,
             velocity=speed if plain and 0 < speed < 1e8 else None,
-            effort=effort if plain and np.isfinite(effort) else None,
+            effort=axis.effort_limit if plain and np.isfinite(axis.effort_limit) else None,
             lead=axis.lead or 0.0,
         )
     return out

@@ -25,7 +25,6 @@ from pinotwin.system.writing import as_path
 DEFAULT_EFFECTS = ("viscous", "coulomb")
 GRAVITY = MachineFile.gravity
 """Acceleration of gravity of a machine that stands on the floor, in the axes of the URDF's root [m/s²]."""
-KEYS, AXIS_KEYS = tuple(kinds_of(MachineFile)), tuple(kinds_of(Axis))
 REQUIRED = ("name", "urdf", "axes")
 
 
@@ -180,13 +179,12 @@ def _check_partners(axes: Mapping[str, Axis]) -> None:
 
 def machine_spec(machine: Machine) -> dict[str, Any]:
     """Return the mapping that :func:`load_machine` turns into the same machine."""
-    kept = set(KEYS) - {"gravity", "data"}
-    spec = {key: value for key, value in machine.spec.items() if key in kept}
+    spec = {key: value for key, value in machine.spec.items() if key not in ("gravity", "data")}
     spec["name"], spec["urdf"] = machine.name, machine.urdf.name
     spec["axes"] = {}
     usual = {f.name: f.default for f in dataclasses.fields(Axis)}
     for name, axis in machine.axes.items():
-        numbers = {key: getattr(axis, key) for key in AXIS_KEYS[2:]}
+        numbers = {key: getattr(axis, key) for key in tuple(kinds_of(Axis))[2:]}
         stated = {key: float(x) for key, x in numbers.items() if x not in (None, usual[key])}
         effects = [effect_spec(effect) for effect in axis.effects]
         spec["axes"][name] = {"joint": axis.joint, "effects": effects, **stated}

@@ -227,10 +227,9 @@ class Machine(Card):
         target = folder / self.urdf.name
         if target.resolve() != self.urdf.resolve():
             root = read_tree(self.urdf)
-            if resolve_meshes(root, self.urdf, self.meshes):
-                write_bytes(target, etree.tostring(root, xml_declaration=True, encoding="utf-8"))
-            else:
-                write_bytes(target, self.urdf.read_bytes())
+            moved = resolve_meshes(root, self.urdf, self.meshes)
+            text = etree.tostring(root, xml_declaration=True, encoding="utf-8")
+            write_bytes(target, text if moved else self.urdf.read_bytes())
         path = folder / "machine.yaml"
         write_text(path, yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True))
         return path

@@ -139,14 +139,12 @@ def _column(name: str, entry: Any, path: str) -> Column:
     return column
 
 
-def transmission(
-    stated: Mapping[str, Mapping[str, float]], axes: Mapping[str, Axis], nv: int
-) -> Floats | None:
+def transmission(rows: Mapping[str, Mapping[str, float]], axes: Mapping[str, Axis], nv: int) -> Floats | None:
     """Return the matrix from joint to motor positions, shape (nv, nv), or None for identity."""
-    if not stated:
+    if not rows:
         return None
     matrix = np.eye(nv)
-    for motor, row in stated.items():
+    for motor, row in rows.items():
         known_key(motor, axes, "transmission")
         matrix[axes[motor].index] = 0.0
         for joint, ratio in row.items():

@@ -6,8 +6,7 @@ Pinocchio makes (cos, sin) of a ``continuous`` joint, where identification needs
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
 
@@ -45,26 +44,19 @@ def _without_turns(root: etree._Element) -> bytes:
 
 def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     """Return the model in which only ``joints``, of one degree of freedom each, move; every other is locked at zero."""
-    with _quiet():
-        try:
-            full = pin.buildModelFromXML(_without_turns(read_tree(path)))
-        except (ValueError, RuntimeError) as error:
-            raise MachineError(f"{path}: Pinocchio cannot build it: {error}") from None
-    locked = [full.getJointId(n) for n in full.names if n != "universe" and n not in joints]
-    return pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence urdfdom, which writes its warnings straight to the process' standard error."""
-    saved = os.dup(2)
+    text = _without_turns(read_tree(path))
+    saved = os.dup(2)  # urdfdom writes its warnings straight to the process' standard error
     with open(os.devnull, "w") as sink:
         os.dup2(sink.fileno(), 2)
     try:
-        yield
+        full = pin.buildModelFromXML(text)
+    except (ValueError, RuntimeError) as error:
+        raise MachineError(f"{path}: Pinocchio cannot build it: {error}") from None
     finally:
         os.dup2(saved, 2)
         os.close(saved)
+    locked = [full.getJointId(n) for n in full.names if n != "universe" and n not in joints]
+    return pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
 
 
 def idle_joints(model: pin.Model) -> list[str]:

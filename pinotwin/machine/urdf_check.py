@@ -152,22 +152,18 @@ def _check_links(root: etree._Element) -> None:
         raise MachineError("no <link>; this is not a machine")
     _check_names(root, "link")
     for link in root.findall("link"):
-        inertial = link.find("inertial")
-        if inertial is not None:
-            where = f"link {link.get('name')!r}"
-            _check_origin(where, inertial)
-            _check_inertial(where, inertial)
-
-
-def _check_inertial(where: str, inertial: etree._Element) -> None:
-    mass_tag, tag = inertial.find("mass"), inertial.find("inertia")
-    if mass_tag is None or tag is None:
-        raise MachineError(f"{where}: <inertial> needs <mass> and <inertia>")
-    mass = _number(f"{where} mass", mass_tag.get("value"))
-    if mass < 0.0:
-        raise MachineError(f"{where}: mass {mass:g} kg is negative; correct it")
-    for key in tag.attrib:
-        _number(f"{where} {key}", tag.get(key))
+        where, inertial = f"link {link.get('name')!r}", link.find("inertial")
+        if inertial is None:
+            continue
+        _check_origin(where, inertial)
+        mass_tag, tag = inertial.find("mass"), inertial.find("inertia")
+        if mass_tag is None or tag is None:
+            raise MachineError(f"{where}: <inertial> needs <mass> and <inertia>")
+        mass = _number(f"{where} mass", mass_tag.get("value"))
+        if mass < 0.0:
+            raise MachineError(f"{where}: mass {mass:g} kg is negative; correct it")
+        for key in tag.attrib:
+            _number(f"{where} {key}", tag.get(key))
 
 
 def _check_joints(root: etree._Element) -> dict[str, tuple[str, str]]:

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import yourdfpy
 from lxml import etree
+from trimesh.transformations import translation_matrix
 
-from pinotwin.arrays import Floats
 from pinotwin.errors import MachineError
 
 LINEAR = {"X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1), "U": (1, 0, 0), "V": (0, 1, 0), "W": (0, 0, 1)}
@@ -107,6 +107,23 @@ def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
     return bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
 
 
+def assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
+    """Return what a machine starts with, a sentence each; ``measured``: axes whose travel is from a log."""
+    sides = f"{' '.join(chain.tool) or 'none'} under the tool, {' '.join(chain.work) or 'none'} under the workpiece"
+    said = [f"axes from the base outward: {sides}"]
+    for axis in chain.axes:
+        unit = "m" if kind_of(axis) == "linear" else "rad"
+        low, high = sizes.travel.get(axis, default_travel(axis))
+        how = "a tenth beyond the log" if axis in measured else "given" if axis in sizes.travel else "assumed"
+        mass = sizes.mass.get(axis, MASS[kind_of(axis)])
+        travel = "endless" if high - low > 1e8 else f"{low:g} to {high:g} {unit} ({how})"
+        weight = f"{mass:g} kg ({'given' if axis in sizes.mass else 'assumed'})"
+        said.append(f"{axis}: travel {travel}, mass {weight}")
+    if any(axis not in sizes.offset for axis in chain.axes):
+        said.append(f"joints are {sizes.apart:g} m apart; --offset changes that")
+    return said
+
+
 def kind_of(axis: str) -> str:
     """Return ``linear`` or ``rotary``."""
     return "linear" if axis in LINEAR else "rotary"
@@ -117,9 +134,7 @@ def default_travel(axis: str) -> tuple[float, float]:
     return TRAVEL["linear" if axis in LINEAR else "turn" if axis == "C" else "tilt"]
 
 
-def _joint(
-    axis: str, parent: str, offset: Floats | tuple[float, ...], sign: float, sizes: Sizes
-) -> yourdfpy.Joint:
+def _joint(axis: str, parent: str, offset: tuple[float, ...], sign: float, sizes: Sizes) -> yourdfpy.Joint:
     low, high = sizes.travel.get(axis, default_travel(axis))
     if not low < high:
         raise MachineError(f"--travel {axis}: {low:g} is not below {high:g}")
@@ -128,7 +143,13 @@ def _joint(
     kind = "prismatic" if axis in LINEAR else "continuous" if endless else "revolute"
     limit = None if endless else yourdfpy.Limit(effort=ENDLESS, velocity=ENDLESS, lower=low, upper=high)
     return yourdfpy.Joint(
-        axis, kind, parent, f"{axis}_link", origin=_pose(offset), axis=direction + 0.0, limit=limit
+        axis,
+        kind,
+        parent,
+        f"{axis}_link",
+        origin=translation_matrix(offset),
+        axis=direction + 0.0,
+        limit=limit,
     )
 
 
@@ -138,7 +159,7 @@ def _link(axis: str, number: int, sizes: Sizes) -> yourdfpy.Link:
     inertia = mass / 12.0 * np.diag(np.sum(size**2) - size**2)
     # A tilting body whose centre lies on its axis would show no gravity: it starts a little off it.
     centre = (0.0, 0.0, 0.0 if kind == "linear" or axis == "C" else -0.02)
-    inertial = yourdfpy.Inertial(origin=_pose(centre), mass=mass, inertia=inertia)
+    inertial = yourdfpy.Inertial(origin=translation_matrix(centre), mass=mass, inertia=inertia)
     return yourdfpy.Link(f"{axis}_link", inertial=inertial, visuals=[_box(tuple(size), centre, number)])
 
 
@@ -146,10 +167,4 @@ def _box(size: tuple[float, ...], at: tuple[float, ...], number: int) -> yourdfp
     rgba = np.array([*COLOURS[number % len(COLOURS)], 1.0])
     material = yourdfpy.Material(name=f"colour_{number}", color=yourdfpy.Color(rgba=rgba))
     geometry = yourdfpy.Geometry(box=yourdfpy.Box(size=np.array(size)))
-    return yourdfpy.Visual(origin=_pose(at), geometry=geometry, material=material)
-
-
-def _pose(xyz: Floats | tuple[float, ...]) -> Floats:
-    pose = np.eye(4)
-    pose[:3, 3] = xyz
-    return pose
+    return yourdfpy.Visual(origin=translation_matrix(at), geometry=geometry, material=material)

@@ -25,14 +25,6 @@ from pinotwin.signals import autocorrelation
 from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR
 
 
-@dataclass(frozen=True)
-class Push:
-    """How well a column is explained as the effort of an axis."""
-
-    share: float  # share of its variance that inertia, friction, position and a constant explain
-    negative: bool  # whether both inertia and dry friction come out negative: the column's sign is turned
-
-
 def moves(x: Floats) -> bool:
     """Whether a column is a motion: it varies, and its neighbours are alike."""
     good = x[np.isfinite(x)]
@@ -69,13 +61,17 @@ def lead(x: Floats, y: Floats) -> tuple[float, float]:
     return (ahead / float(speed @ speed), ahead**2 / power) if power > 0.0 else (0.0, 0.0)
 
 
-def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
-    """Return how much of a column ``u`` (n,) an axis that moves as ``q`` (n,) would need, asked of ``longest`` rows."""
+def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> tuple[float, bool]:
+    """Return how well a column ``u`` (n,) is explained as the effort of an axis that moves as ``q`` (n,).
+
+    That is the share of its variance that inertia, friction, position and a constant explain in ``longest`` rows, and
+    whether both inertia and dry friction come out negative: the column's sign is turned.
+    """
     keep = slice(0, longest)
     position, effort = q[keep].astype(float), u[keep].astype(float)
     good = np.isfinite(position) & np.isfinite(effort)
     if good.sum() < 50 or np.ptp(effort[good]) == 0.0:
-        return Push(0.0, False)
+        return 0.0, False
     position = np.interp(np.arange(len(position)), np.flatnonzero(good), position[good])
     width = max(3, int(0.02 / step) | 1) if step > 0.0 else 5
     v = np.gradient(uniform_filter1d(position, width, mode="nearest"), step)
@@ -87,11 +83,10 @@ def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
     left = effort[good] - columns[good] @ theta
     share = 1.0 - float(np.var(left)) / float(np.var(effort[good]))
     power = float(np.mean((effort * v)[good]))
-    return Push(share, bool(theta[0] < 0.0 and theta[1] + theta[2] < 0.0 and power < 0.0))
+    return share, bool(theta[0] < 0.0 and theta[1] + theta[2] < 0.0 and power < 0.0)
 
 
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
-_SI_OF_TURN = {True: "rad", False: "m"}
 
 
 @dataclass(frozen=True)
@@ -260,7 +255,7 @@ def _by_behaviour(table: _Table) -> None:
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
     held = [(a, q) for a in table.axes if (q := table.values(f"{a}.q")) is not None]
     for column in (c for c in free if c not in table.used | alike):
-        shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
+        shares = {axis: push(q, table.log[column], table.step or 1.0)[0] for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
         if best is not None and shares[best] > table.explained:
             said = f"inertia and friction of {best} explain {shares[best]:.0%} of it"
@@ -350,7 +345,7 @@ def _unit_of_speed(table: _Table, axis: str) -> None:
     q, v = table.taken.get(f"{axis}.q"), table.taken.get(f"{axis}.v")
     if q is None or v is None or not q.column or not v.column or table.log.units.get(v.column):
         return
-    unit = q.unit or table.log.units.get(q.column) or _SI_OF_TURN[table.axes[axis][1]]
+    unit = q.unit or table.log.units.get(q.column) or ("rad" if table.axes[axis][1] else "m")
     if not table.step or unit in COUNTS or f"{unit}/s" not in SI_FACTOR:
         return
     moved, speed = np.gradient(table.log[q.column], table.step), table.log[v.column]
@@ -372,8 +367,8 @@ def _efforts(table: _Table) -> list[str]:
             continue
         column = guess.column
         if q is not None and table.step > 0.0:
-            found = push(q, table.log[column], table.step)
-            if found.negative and found.share > table.explained:
+            share, negative = push(q, table.log[column], table.step)
+            if negative and share > table.explained:
                 said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
                 guess = replace(guess, factor=-1.0, reason=said)
                 table.taken[guess.channel] = guess
@@ -398,14 +393,11 @@ def _missing(table: _Table) -> list[str]:
         "u": "no column found for the effort; without it nothing of the axis is identified",
         "qr": "no command found; the plant is still identified, the closed loop is not",
     }
-    lacking: dict[str, list[str]] = {signal: [] for signal in means}
-    unknown = []
-    for axis in table.axes:
-        absent = [s for s in means if f"{axis}.{s}" not in {*table.taken, *table.named}]
-        if len(absent) == len(means):
-            unknown.append(axis)
-            continue
-        for signal in absent:
-            lacking[signal].append(f"{axis}.{signal}")
-    said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
+    there = {*table.taken, *table.named}
+    unknown = [axis for axis in table.axes if not any(f"{axis}.{signal}" in there for signal in means)]
+    said = []
+    for signal, words in means.items():
+        channels = [f"{axis}.{signal}" for axis in table.axes if axis not in unknown]
+        lacking = [channel for channel in channels if channel not in there]
+        said += [f"{', '.join(lacking)}: {words}"] if lacking else []
     return said + ([f"{', '.join(unknown)}: no column found; add them under `columns`"] if unknown else [])

@@ -22,16 +22,7 @@ from pinotwin.machine.sections import parse_columns
 from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import axis_names, mimics, read_tree
 from pinotwin.notebook import Card, Shown
-from pinotwin.scaffold.chain import (
-    MASS,
-    Chain,
-    Sizes,
-    default_travel,
-    is_chain,
-    kind_of,
-    parse_chain,
-    write_urdf,
-)
+from pinotwin.scaffold.chain import Chain, Sizes, assumed, is_chain, kind_of, parse_chain, write_urdf
 from pinotwin.scaffold.guess import Guesses, guess_columns, in_one_line
 from pinotwin.system.writing import as_path, whole_folder
 
@@ -185,7 +176,7 @@ def _from_axes(name: str, chain: Chain, task: _Task) -> tuple[Guesses, list[str]
     sizes = replace(task.sizes, travel={**travel, **task.sizes.travel})
     (task.folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
     _write_yaml(task, name, {axis: axis for axis in chain.axes}, guesses, {})
-    return guesses, _assumed(chain, sizes, set(travel))
+    return guesses, assumed(chain, sizes, set(travel))
 
 
 def _travel(
@@ -205,22 +196,6 @@ def _travel(
             if margin > 0.0:
                 out[axis] = (round(float(q.min()) - margin, 4), round(float(q.max()) + margin, 4))
     return out
-
-
-def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
-    sides = f"{' '.join(chain.tool) or 'none'} under the tool, {' '.join(chain.work) or 'none'} under the workpiece"
-    said = [f"axes from the base outward: {sides}"]
-    for axis in chain.axes:
-        unit = "m" if kind_of(axis) == "linear" else "rad"
-        low, high = sizes.travel.get(axis, default_travel(axis))
-        how = "a tenth beyond the log" if axis in measured else "given" if axis in sizes.travel else "assumed"
-        mass = sizes.mass.get(axis, MASS[kind_of(axis)])
-        travel = "endless" if high - low > 1e8 else f"{low:g} to {high:g} {unit} ({how})"
-        weight = f"{mass:g} kg ({'given' if axis in sizes.mass else 'assumed'})"
-        said.append(f"{axis}: travel {travel}, mass {weight}")
-    if any(axis not in sizes.offset for axis in chain.axes):
-        said.append(f"joints are {sizes.apart:g} m apart; --offset changes that")
-    return said
 
 
 def _write_yaml(

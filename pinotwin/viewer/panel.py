@@ -50,7 +50,8 @@ def panel(
     if overlay is not None:
         visual = visual_model(overlay.model, overlay.urdf, overlay.meshes)
         add_copy(scene, overlay.model, visual, OTHER, (0.17, 0.42, 0.69, 0.45))
-        bodies.append(_body(overlay.model, OTHER, machine, overlay))
+        place = {name: k for k, name in enumerate(machine.names)}
+        bodies.append(_body(overlay.model, OTHER, [place.get(name, -1) for name in overlay.names]))
     data = {
         "q": scene.q.tolist(),
         "bodies": bodies,
@@ -75,22 +76,17 @@ def panel(
     )
 
 
-def _body(
-    model: pin.Model, root: str, leader: Machine | None = None, follower: Machine | None = None
-) -> dict[str, Any]:
-    """Return the tree of a drawn model; a follower's joints take the columns of the leader's axes."""
-    column = {int(model.idx_vs[i]): int(model.idx_vs[i]) for i in range(1, model.njoints)}
-    if leader is not None and follower is not None:
-        place = {name: k for k, name in enumerate(leader.names)}
-        column = {part.index: place.get(part.name, -1) for part in follower.parts}
+def _body(model: pin.Model, root: str, columns: Sequence[int] | None = None) -> dict[str, Any]:
+    """Return the tree of a drawn model; its joints take other ``columns`` than their own where these are given."""
     joints = []
     for i in range(1, model.njoints):
+        column = int(model.idx_vs[i])
         rotary, axis = joint_axis(model, i)
         joints.append(
             {
                 "path": f"{root}/{model.names[i]}",
                 "parent": int(model.parents[i]) - 1,
-                "column": column[int(model.idx_vs[i])],
+                "column": column if columns is None else columns[column],
                 "rotary": rotary,
                 "axis": axis.tolist(),
                 "place": model.jointPlacements[i].homogeneous.T.ravel().tolist(),
@@ -100,11 +96,9 @@ def _body(
 
 
 def _axes(machine: Machine, tracks: Tracks | None) -> list[dict[str, Any]]:
-    out = []
+    out, ends = [], (machine.model.lowerPositionLimit, machine.model.upperPositionLimit)
     for part in machine.parts:
-        low, high = (
-            float(x[part.index]) for x in (machine.model.lowerPositionLimit, machine.model.upperPositionLimit)
-        )
+        low, high = (float(x[part.index]) for x in ends)
         limited = max(abs(low), abs(high)) < 1e3
         if not limited:
             low, high = (-np.pi, np.pi) if part.rotary else (-0.5, 0.5)
@@ -167,7 +161,6 @@ def _ellipsoids(scene: Scene) -> None:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = turn @ np.diag(half), body.lever
         node = scene.node(joint)["inertia"]
-        node.set_object(
-            mg.Sphere(1.0), mg.MeshLambertMaterial(color=0x6B5BD2, opacity=0.35, transparent=True)
-        )
+        shine = mg.MeshLambertMaterial(color=0x6B5BD2, opacity=0.35, transparent=True)
+        node.set_object(mg.Sphere(1.0), shine)
         node.set_transform(pose)

@@ -299,11 +299,8 @@ def place_mark(drawn: Scene, joint: str, at: float, size: float) -> None:
     before = drawn.model.parents[number]
     # Of a joint that turns it is a point off its axis, towards what it carries.
     carried = zip(drawn.model.jointPlacements, drawn.model.parents, strict=True)
-    arms = [
-        pose.translation
-        for pose, parent in carried
-        if parent == number and joint_axis(drawn.model, number)[0]
-    ]
+    turns = joint_axis(drawn.model, number)[0]
+    arms = [pose.translation for pose, parent in carried if turns and parent == number]
     arm = max(arms, key=lambda x: float(np.linalg.norm(x)), default=np.zeros(3))
     place = poses[before].inverse() * poses[number].act(0.5 * arm)
     ball = drawn.node(before)[f"place {joint}"]

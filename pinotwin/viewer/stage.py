@@ -123,12 +123,9 @@ def _set_background(viewer: meshcat.Visualizer, points: Floats, size: float) -> 
 
 def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
     """One key light with soft shadows from the upper left, two weak ones, and the ambient."""
+    key = {"intensity": 0.32, "castShadow": True, "angle": 0.45, "penumbra": 0.9}
     for name, at, looks in (
-        (
-            "SpotLight",
-            (-1.1, -1.5, 2.4),
-            {"intensity": 0.32, "castShadow": True, "angle": 0.45, "penumbra": 0.9},
-        ),
+        ("SpotLight", (-1.1, -1.5, 2.4), key),
         ("PointLightNegativeX", (2.2, -1.4, 0.9), {"intensity": 0.16, "distance": 0.0}),
         ("PointLightPositiveX", (-2.2, -1.6, 0.7), {"intensity": 0.12, "distance": 0.0}),
         ("FillLight", (0.3, -0.4, 1.0), {"intensity": 0.12}),  # of this one the direction alone counts
@@ -137,8 +134,8 @@ def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
         path = f"/Lights/{name}/<object>"
         if at is not None:
             _set(viewer[path], position=[size * x for x in at])
-        for key, value in looks.items():  # as a message, since meshcat lowers the case of their names
-            viewer.window.take({"type": "set_property", "path": path, "property": key, "value": value})
+        for look, value in looks.items():  # as a message, since meshcat lowers the case of their names
+            viewer.window.take({"type": "set_property", "path": path, "property": look, "value": value})
     _set(viewer["/Lights/SpotLight"], visible=True)
 
 

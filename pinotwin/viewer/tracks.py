@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import effect_name, known
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.signals import rms
+from pinotwin.signals import interior, rms
 from pinotwin.twin import Twin
 
 POINTS = 1200  # Frames of a playback; more would make the page large and look the same
@@ -64,9 +64,7 @@ def tracks_of(
     model = None if twin is None else twin.effort(motion)
     series: dict[str, dict[str, list[tuple[str, str, Floats]]]] = {}
     full = {}
-    settled = np.zeros(len(motion), dtype=bool)
-    for s in motion.segments:
-        settled[s.start + edge : s.stop - edge] = True
+    settled = interior(len(motion), edge, motion.segments)
     for name, axis in machine.axes.items():
         i = axis.index
         u = motion.u[:, i]

@@ -129,9 +129,7 @@ def _stamps(columns: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) -
 
 def _by_header(texts: Mapping[str, str], arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, str]:
     """Return column -> ``<joint>.q .v .u`` where the number of a column is that of a name's."""
-    names = {
-        (m[1], m[3]): joint for c, joint in texts.items() if (m := _NUMBERED.match(c)) and m[2] == "name"
-    }
+    names = {(m[1], m[3]): text for c, text in texts.items() if (m := _NUMBERED.match(c)) and m[2] == "name"}
     found = ((c, _NUMBERED.match(c)) for c in arrays)
     return {
         c: f"{names[m[1], m[3]]}.{JOINT_SIGNALS[m[2]]}"
@@ -194,9 +192,8 @@ def spread(table: pa.Table, clock: str, content: Content) -> bool:
     named = [name for name in texts if _folded(name) in _NAMES and name != value]
     if value is None:
         return False
-    columns = {
-        name: np.array(table.column(name).to_pylist(), dtype=object) for name in (*texts, clock, value)
-    }
+    needed = (*texts, clock, value)
+    columns = {name: np.array(table.column(name).to_pylist(), dtype=object) for name in needed}
     named.sort(key=lambda name: (-len(set(columns[name])), _NAMES.index(_folded(name))))
     t = columns[clock].astype(float)
     rows = np.flatnonzero(np.isfinite(t))

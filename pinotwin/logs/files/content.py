@@ -50,10 +50,6 @@ class Holes(str):
         out.missing = missing
         return out
 
-    def of(self, source: str) -> Holes:
-        """Return the same of one of several files."""
-        return Holes(f"{source}: {self}", self.missing)
-
 
 @dataclass
 class Content:
@@ -67,11 +63,6 @@ class Content:
     clock: str = ""  # name of the array whose length is the log's; "" leaves it to the majority
     stated: dict[str, str] = field(default_factory=dict)  # name -> name that the file states for several
     parts: dict[str, list[str]] = field(default_factory=dict)  # column of lists -> names of their parts
-
-    @property
-    def numbers(self) -> int:
-        """How many numbers there are."""
-        return sum(x.size for x in self.arrays.values())
 
     def add(self, name: str, value: object) -> None:
         """Take one item: fields of a record array one by one, text and objects left out."""
@@ -227,9 +218,8 @@ def _missing(channels: dict[str, Floats], place: Callable[[int], str]) -> list[s
         bad = ~np.isfinite(x)
         if bad.any():
             kind, count = "missing or infinite" if np.isinf(x).any() else "missing", int(bad.sum())
-            notes.append(
-                Holes(f"{name}: {count} {kind} values, first in {place(int(np.argmax(bad)))}", count)
-            )
+            first = place(int(np.argmax(bad)))
+            notes.append(Holes(f"{name}: {count} {kind} values, first in {first}", count))
         elif max(x.max(initial=0.0), -x.min(initial=0.0)) > _EPOCH_EXACT:
             notes.append(f"{name}: numbers above 2^53 lost their last digits as floats")
     return notes

@@ -7,21 +7,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.logs.files.cells import (
-    TIMES,
-    UNIT_TITLES,
-    is_clock,
-    is_comment,
-    is_number,
-    is_plain,
-    split_cells,
-)
+from pinotwin.logs.files.cells import TIMES, UNIT_TITLES, is_clock, is_number, is_plain
 from pinotwin.logs.files.content import distinct, repeated
 from pinotwin.units import SI_FACTOR, find_unit
 
@@ -81,13 +73,6 @@ def read_header(cells: list[list[str]], start: int, stem: str) -> Header:
         if unit and unit.casefold() not in UNIT_TITLES:
             units[name] = unit
     return Header(named, units, rows + (titles != stated), _stamped(named), repeated(named, stated))
-
-
-def commented_names(lines: Iterable[tuple[int, str]], stop: int, delimiter: str, width: int) -> list[str]:
-    """Return the names in the last comment above the numbers, if they fit (``# t, q, u``)."""
-    above = [line for i, line in lines if i < stop and is_comment(line)]
-    names = split_cells(above[-1].strip().lstrip("#%/ "), delimiter) if above else []
-    return names if len(names) == width and all(n and not is_number(n) for n in names) else []
 
 
 def is_unit_row(row: Sequence[str], header: Sequence[str]) -> bool:

@@ -77,7 +77,7 @@ def _resident(process: int) -> int:
 def _loaded(loader: Loader, path: Path, source: str) -> Content | str:
     try:
         content = loader(path, source)
-        limited(source, content.numbers, path.stat().st_size)
+        limited(source, sum(x.size for x in content.arrays.values()), path.stat().st_size)
         return content
     except LogError as error:
         return str(error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,10 @@ def load(path: Path, source: str) -> Content:
     with undamaged(source, broken, "write it again"), path.open(encoding="utf-8-sig") as file:
         first, second = file.readline(), file.readline()
         file.seek(0)
-        if second.strip() and _is_object(first):
+        in_lines = False
+        with suppress(ValueError):
+            in_lines = bool(second.strip()) and isinstance(json.loads(first), dict)
+        if in_lines:
             _take_rows((json.loads(line) for line in file if line.strip()), "", content)
             return content
         value = json.load(file)
@@ -30,13 +34,6 @@ def load(path: Path, source: str) -> Content:
         raise LogError(f"{source}: holds a single value; write the signals as lists")
     _take(value, "", content)
     return content
-
-
-def _is_object(line: str) -> bool:
-    try:
-        return isinstance(json.loads(line), dict)
-    except ValueError:
-        return False
 
 
 def _take(value: Any, name: str, content: Content) -> None:

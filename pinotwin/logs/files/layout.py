@@ -6,9 +6,10 @@ The numbers are found first, as the rows that have most in common; what stands a
 from __future__ import annotations
 
 import codecs
+import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -16,7 +17,7 @@ from pinotwin.errors import LogError
 from pinotwin.logs.files.cells import COMMENTS, has_value, is_comment, is_list, is_number, split_cells
 from pinotwin.logs.files.content import distinct, repeated
 from pinotwin.logs.files.dialects import plain
-from pinotwin.logs.files.header import Header, commented_names, is_unit_row, read_header, read_preamble
+from pinotwin.logs.files.header import Header, is_unit_row, read_header, read_preamble
 
 _SEP = re.compile(r"\"?sep=(.)\"?[\s,;]*$", re.I)
 _INTEGER = re.compile(r"[+-]?\d+(e[+-]?\d+)?$", re.I)
@@ -66,7 +67,7 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     if grammar.names:
         named = distinct(grammar.names)
         header = Header(named, grammar.units, 0, stated=repeated(named, grammar.names))
-    names = header.names or distinct(commented_names(numbered, skip, delimiter, len(cells[start])))
+    names = header.names or distinct(_commented_names(numbered, skip, delimiter, len(cells[start])))
     names = names or [f"{stem}[{i}]" for i in range(len(cells[start]))]
     above = [line for i, line in numbered if i < body[start - header.rows][0]]
     only_comments = all(is_comment(line) or not line.strip() for line in above)
@@ -84,6 +85,13 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
         thousands=thousands,
         step=step,
     )
+
+
+def _commented_names(lines: Iterable[tuple[int, str]], stop: int, delimiter: str, width: int) -> list[str]:
+    """Return the names in the last comment above the numbers, if they fit (``# t, q, u``)."""
+    above = [line for i, line in lines if i < stop and is_comment(line)]
+    names = split_cells(above[-1].strip().lstrip("#%/ "), delimiter) if above else []
+    return names if len(names) == width and all(n and not is_number(n) for n in names) else []
 
 
 def line_start(text: bytes, line: int) -> int:
@@ -120,14 +128,12 @@ def _decode(raw: bytes, source: str) -> tuple[bytes, list[str]]:
 def _leading_lines(text: bytes, rows: int = 400) -> list[tuple[int, str]]:
     """Return the first lines with their numbers: comments, header, and a sample of rows."""
     lines: list[tuple[int, str]] = []
-    start = 0
-    while start < len(text) and rows:
-        end = text.find(b"\n", start)
-        end = len(text) if end < 0 else end
-        line = text[start:end].decode(errors="replace").rstrip("\r")
+    for raw in io.BytesIO(text):
+        line = raw.removesuffix(b"\n").decode(errors="replace").rstrip("\r")
         lines.append((len(lines), line))
         rows -= bool(line.strip()) and not is_comment(line)
-        start = end + 1
+        if not rows:
+            break
     return lines
 
 

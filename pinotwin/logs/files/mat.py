@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
 import zlib
@@ -21,20 +22,14 @@ def load(path: Path, source: str) -> Content:
     content = Content()
     quiet = warnings.catch_warnings(action="ignore", category=MatReadWarning)
     with undamaged(source, _BROKEN), quiet:
-        limited(source, _stated_size(path), path.stat().st_size)
+        with contextlib.suppress(TypeError):  # scipy cannot list what stands beside objects
+            stated = sum(math.prod(shape) for _, shape, _ in scipy.io.whosmat(path))
+            limited(source, stated, path.stat().st_size)
         stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
     for name, value in stored.items():
         if not str(name).startswith("__") and str(name) != "None":
             _flatten(str(name), value, content)
     return content
-
-
-def _stated_size(path: Path) -> int:
-    """Return how many numbers the headers of a file state; 0 where scipy cannot list them, beside objects."""
-    try:
-        return sum(math.prod(shape) for _, shape, _ in scipy.io.whosmat(path))
-    except TypeError:
-        return 0
 
 
 def _flatten(name: str, value: object, content: Content) -> None:

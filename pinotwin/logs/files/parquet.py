@@ -39,9 +39,8 @@ def load(path: Path, source: str) -> Content:
 
 def _parts(path: Path) -> dict[str, list[str]]:
     """Return column -> names of its parts, from the ``meta/info.json`` of a LeRobot data set."""
-    meta = next(
-        (p for folder in path.resolve().parents[:4] if (p := folder / "meta" / "info.json").is_file()), None
-    )
+    places = [folder / "meta" / "info.json" for folder in path.resolve().parents[:4]]
+    meta = next(filter(Path.is_file, places), None)
     if meta is None:
         return {}
     try:

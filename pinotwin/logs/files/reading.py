@@ -168,11 +168,11 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} {n}" for name, n in lengths.items())
         raise LogError(f"cannot join files of different length (rows: {said}); cut them alike first")
-    notes = [
-        note.of(log.source) if isinstance(note, Holes) else f"{log.source}: {note}"
-        for log in logs
-        for note in log.notes
-    ]
+    notes = []
+    for log in logs:
+        for note in log.notes:
+            said = f"{log.source}: {note}"
+            notes.append(Holes(said, note.missing) if isinstance(note, Holes) else said)
     shared = _shared_clock(logs)
     if shared:
         notes.append(f"{shared} is the same in all joined files and kept once")

@@ -83,9 +83,8 @@ def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000
         table = _parse(body, kinds)
     if table is None:
         table = _parse_slowly(body, kinds)
-    content = Content(
-        units=dict(layout.header.units), notes=[*layout.notes, *body.notes], stated=dict(layout.header.stated)
-    )
+    units, stated = dict(layout.header.units), dict(layout.header.stated)
+    content = Content(units=units, notes=[*layout.notes, *body.notes], stated=stated)
     content.place = lambda row: f"line {body.line(row)}"
     table = _spelled_out(table.select(layout.header.names), kinds, content)
     arrow.take(table, content, source, b"UNAVAILABLE" in layout.text)

@@ -14,14 +14,8 @@ from scipy.ndimage import median_filter
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
+from pinotwin.logs.quality import values
 from pinotwin.logs.quality.results import Finding, finding
-from pinotwin.logs.quality.values import (
-    has_more_values,
-    jump_rows,
-    quantisation_step,
-    repeated_rows,
-    sentinel,
-)
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import runs
 
@@ -144,7 +138,7 @@ def row_findings(log: Log, settings: Settings = USUAL) -> Iterator[Finding]:
 
 def _repeats(log: Log, measured: dict[str, Floats], bad: Mask, settings: Settings) -> Iterator[Finding]:
     """Say which rows repeat others, and mark copies in ``bad``; of three channels a copy elsewhere may be chance."""
-    copies, stale = repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
+    copies, stale = values.repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
     rest, many, enough = _at_rest(measured), stale.mean() > settings.oversampled, len(measured) > 3
     twice = np.flatnonzero(stale & ~rest)
     if len(twice) > 2 and not many and "t" in log:
@@ -163,7 +157,7 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
     rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
     for name, x in measured.items():
         if name.endswith(".q"):
-            stands = _span(x) <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
+            stands = _span(x) <= 3.0 * (values.quantisation_step(x) or 0.0) + 1e-12
             if f"{name}r" in measured:  # a command at less than a tenth of its top speed
                 pace = _span(measured[f"{name}r"], 5)
                 stands |= pace <= 0.1 * pace.max()
@@ -186,22 +180,22 @@ def _key(log: Log, rows: Mask) -> str:
 
 def _kinds(log: Log, measured: int = 20) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Return the channels with more distinct values than a state has, and those that change at all."""
-    varied = {name: x for name, x in log.channels.items() if name != "t" and has_more_values(x, 1)}
-    numbers = {name: x for name, x in varied.items() if has_more_values(x, measured)}
+    varied = {name: x for name, x in log.channels.items() if name != "t" and values.has_more_values(x, 1)}
+    numbers = {name: x for name, x in varied.items() if values.has_more_values(x, measured)}
     return numbers, {name: x for name, x in varied.items() if name not in numbers}
 
 
 def _jumps(log: Log, name: str, bad: Mask, settings: Settings, leaps: int = 3) -> Iterator[Finding]:
     """Say where a position jumps, and mark those rows in ``bad``; a few leaps are not worth a word."""
     q = log.raw(name)
-    found = sentinel(q)
+    found = values.sentinel(q)
     if found is not None:
         value, times, rows = found
         bad |= rows
         said = finding("sentinel", name, value=value, times=times, rows=int(rows.sum()), key=_key(log, rows))
         yield said if rows.mean() > settings.spoiled else replace(said, code="spikes")
         return
-    apart = jump_rows(q)
+    apart = values.jump_rows(q)
     bad |= apart
     if apart.any():
         where = {"count": int(apart.sum()), "first": int(np.argmax(apart))}
