@@ -18,6 +18,8 @@ from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.system.writing import write_text
 
 Row = dict[str, Any]
+QUESTIONS = 100
+"""About detection limits."""
 FAULTS, COMMANDED = ("real.py", "faults"), "emps"
 """Faults put into the effort alone. The recordings with a command are asked without it: with it such a fault
 contradicts the known law of their controller."""
@@ -52,6 +54,10 @@ class Source(Protocol):
     def seeds(self) -> str:
         """The seeds as the scripts take them."""
 
+    @property
+    def folders(self) -> list[Path]:
+        """Where diagnoses lie."""
+
     def score(self, script: str, *words: str) -> Answers:
         """Return what a script answers to these words."""
 
@@ -64,15 +70,19 @@ class Runs:
         at: scripts and recordings.
         out: folder.
         seed: of the first machine. machines: how many.
+        questions: about detection limits, on all machines together.
     """
 
     at: Elsewhere
     out: Path
     seed: int
     machines: int
+    questions: int = QUESTIONS
 
     @classmethod
-    def beside(cls, out: Path, seed: int, machines: int, data: str | None = None) -> Runs:
+    def beside(
+        cls, out: Path, seed: int, machines: int, data: str | None = None, questions: int = QUESTIONS
+    ) -> Runs:
         """Return who asks the scripts beside the recordings; ``$PINOTWIN_DATA`` has these unless ``data`` is given.
 
         Raises:
@@ -86,12 +96,22 @@ class Runs:
                 "recordings and the scripts beside them are not at hand: set PINOTWIN_DATA"
             )
         out.mkdir(parents=True, exist_ok=True)
-        return cls(at, out, seed, machines)
+        return cls(at, out, seed, machines, questions)
 
     @property
     def seeds(self) -> str:
         """The seeds as the scripts take them."""
         return f"{self.seed}:{self.seed + self.machines}"
+
+    @property
+    def cases(self) -> Path:
+        """Small cases beside the recordings; the folder may be absent."""
+        return self.at.data.parent / "cases"
+
+    @property
+    def folders(self) -> list[Path]:
+        """Where diagnoses lie."""
+        return [self.out]
 
     def score(self, script: str, *words: str) -> Answers:
         """Return what a script of the other simulator or of the recordings writes."""
@@ -154,6 +174,11 @@ class Given:
     def seeds(self) -> str:
         """Any."""
         return ""
+
+    @property
+    def folders(self) -> list[Path]:
+        """Where diagnoses lie."""
+        return sorted({Path(row["folder"]) for row in self.rows})
 
     def score(self, script: str, *words: str) -> Answers:
         """Return those of the rows that a script would have written for these words, whatever their seeds."""
@@ -243,13 +268,20 @@ def _spans(seeds: Sequence[int]) -> list[str]:
 
 def effects(row: Row) -> list[Row]:
     """Return the effects of the diagnosis behind a row."""
-    file = _diagnosed(row) / "diagnosis.json"
+    file = diagnosis_of(row) / "diagnosis.json"
     found: list[Row] = json.loads(file.read_text(encoding="utf-8"))["effects"] if file.is_file() else []
     return found
 
 
-def _diagnosed(row: Row) -> Path:
+def documents(folder: Path) -> list[Row]:
+    """Return all diagnoses that lie in a folder or below it."""
+    return [json.loads(x.read_text(encoding="utf-8")) for x in sorted(folder.rglob("diagnosis.json"))]
+
+
+def diagnosis_of(row: Row) -> Path:
     """Return the folder of the diagnosis behind a row; that of all rows where there is none."""
+    if "diagnosis" in row:
+        return Path(row["diagnosis"])
     folder = Path(row["folder"])
     if "set" in row:
         return folder / f"{row['set']}-{row['case']}"

@@ -14,7 +14,10 @@ from pathlib import Path
 from benchmarks.evidence import store
 
 HERE = Path(__file__).parent
-NOT_PARTS = ("__init__", "answers", "command", "counts", "store", "real", "virtual")
+NOT_PARTS = (
+    *("__init__", "answers", "asking", "command", "counts", "store", "real", "virtual"),
+    *("limits", "public", "spoilt"),  # those of `diagnosis`
+)
 
 
 def parts() -> list[str]:

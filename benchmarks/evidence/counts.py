@@ -17,6 +17,8 @@ HEALTHY = ("none", "none_2", "none_3")
 """Days of a machine on which nothing has changed."""
 SERVICE = ("preload_lost", "lost_motion", "kv", "ffv", "tooth", "cut")
 """Kinds of change that must be told each, not only on average."""
+OPEN = ("not explained", "partly explained")
+"""Grades of a signal that no verdict may call explained."""
 RIGHT = {
     "effort_scale": ("hot_kt", "gear_side"),
     "external_force": ("push", "cut", "snag", "drift", "brake_late"),
@@ -165,6 +167,14 @@ def worst_of_three(rows: Sequence[Row]) -> Measured:
 def false_first(rows: Sequence[Row]) -> Measured:
     """Return how often the first name is none of the changes."""
     return share([row["wrong"] and not row["first"] for row in rows])
+
+
+def contradicts(document: Row) -> bool:
+    """Return whether the verdict of a diagnosis is not what its grades and its names say."""
+    opened = any(g["grade"] in OPEN for row in document["gap"].values() for g in row.values())
+    closed = document["verdict"] in ("none", "explained")
+    named = document["verdict"] in ("explained", "partly_explained")
+    return (opened and closed) or named != bool(document["effects"])
 
 
 def own(name: str) -> Callable[[Sequence[Row]], Measured]:

@@ -19,13 +19,28 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence import counts, store
-from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, together
+from benchmarks.evidence import asking, counts, store
+from benchmarks.evidence.answers import (
+    QUESTIONS,
+    Answers,
+    Given,
+    Row,
+    Runs,
+    Source,
+    diagnosis_of,
+    documents,
+    together,
+)
 from benchmarks.evidence.counts import HEALTHY, Measured, changed, each, inside
+from benchmarks.evidence.limits import limits
+from benchmarks.evidence.public import public
+from benchmarks.evidence.spoilt import recordings
 from benchmarks.evidence.store import Figure, Kind
 from pinotwin.system.writing import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
+TENTH, KNOB = 0.1, 1.5
+"""The other false-alarm setting, and how many times as often a healthy machine may be accused."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +54,7 @@ class Line:
         value: measures it on answers.
         least: whether larger is better.
         unit: of the value; empty for shares and counts.
+        most: beyond this a larger value is no better.
     """
 
     what: str
@@ -47,6 +63,7 @@ class Line:
     value: Callable[[Sequence[Row]], Measured]
     least: bool = True
     unit: str = ""
+    most: float = math.inf
 
     def state(self, value: float) -> str:
         """Return ``aim``, ``must``, ``MISSED`` or a dash."""
@@ -57,12 +74,13 @@ class Line:
         return "must" if self._reaches(value, self.must) else "**MISSED**"
 
     def _reaches(self, value: float, bound: float) -> bool:
-        return value >= bound if self.least else value <= bound
+        return bound <= value <= self.most if self.least else value <= bound
 
     def judged(self, value: float) -> str:
         """Return the bounds, and which of them a value reaches."""
         sign = "≥" if self.least else "≤"
         aim = "" if self.aim is None else f", aim {sign} {self.aim:.3g}"
+        aim += "" if math.isinf(self.most) else f", at most {self.most:.3g}"
         return f"must {sign} {self.must:.3g}{aim}, reached: {self.state(value)}"
 
 
@@ -149,6 +167,28 @@ def bench(runs: Runs) -> Answers:
     return Answers(rows, f"pinotwin blind {' '.join(words)}")
 
 
+def tenth(runs: Runs) -> Answers:
+    """The healthy days of twice as many machines as ``shop`` asks, at the other false-alarm setting."""
+    seeds = _seeds(runs, 2 * runs.machines)
+    asked = runs.score("score.py", "shop", "--kinds", ",".join(HEALTHY), "--seeds", seeds)
+    days = {f"{row['machine']} {row['kind']}": row for row in asked.rows}
+
+    def ask(question: str) -> Row:
+        day, case = days[question], diagnosis_of(days[question]).parent
+        words = (*(case / f"{x}.csv" for x in ("train", "repeat")), "--validate", case / "valid.csv")
+        words += ("--false-alarm", str(TENTH))
+        found = asking.diagnosed(case.parent / "twin", *words, out=case / f"diagnosis-{TENTH:g}")
+        return {**{k: day[k] for k in ("machine", "seed", "kind")}, **found}
+
+    return Answers(asking.kept(runs.out, "tenth", days, ask), f"{asked.command} --false-alarm {TENTH:g}")
+
+
+def grades(runs: Source) -> Answers:
+    """All diagnoses that lie in the folder of the answers."""
+    found = [x for folder in runs.folders for x in documents(folder)]
+    return Answers([{"contradicts": counts.contradicts(x)} for x in found], "answers of the other parts")
+
+
 def speed(runs: Source) -> Answers:
     """One diagnosis, alone on the machine."""
     from benchmarks.diagnosis import CASES, timed
@@ -220,6 +260,40 @@ PARTS: Mapping[str, Part] = {
             "three_false": at_most("a false name first", 0.0, None, counts.false_first),
         },
     ),
+    "tenth": Part(
+        "shop at --false-alarm 0.1",
+        tenth,
+        {
+            "tenth_accused": at_most("healthy, accused", KNOB * TENTH, 1.2 * TENTH, counts.accused_days),
+        },
+    ),
+    "public": Part(
+        "public cases",
+        public,
+        {
+            "public_right": Line("as their README says", 17 / 23, 21 / 23, each("right")),
+            "public_first": Line("first name and axis, whatever its number", 17 / 23, 21 / 23, each("first")),
+            "public_passed": at_most(
+                "wrong, and called `none` or `explained`", 0.0, None, each("passed_over")
+            ),
+        },
+    ),
+    "spoilt": Part(
+        "recordings at fault, 7 kinds",
+        recordings,
+        {
+            "spoilt_accused": at_most("a cause of the machine named", 2 / 70, 0.0, each("machine_cause")),
+            "spoilt_told": Line("the recording named", 0.85, 0.95, each("recorded")),
+        },
+    ),
+    "limits": Part(
+        "causes of the stated 90 % size",
+        limits,
+        {
+            "limits_found": Line("named on their axis", 0.80, None, each("found"), most=0.97),
+            "limits_seen": Line("something said to have changed", 0.80, None, each("seen")),
+        },
+    ),
     "bench": Part(
         "own bench",
         bench,
@@ -230,11 +304,18 @@ PARTS: Mapping[str, Part] = {
             "own_accused": at_most("healthy, accused", 1 / 26, None, counts.own(counts.ACCUSED)),
         },
     ),
+    "grades": Part(
+        "all diagnoses in the folder",
+        grades,
+        {"grades": at_most("verdict against grades or names", 0.0, None, each("contradicts"))},
+    ),
 }
 """Name -> what is asked, and the lines that are measured on it; the short ones first."""
-GIVEN = tuple(name for name in PARTS if name not in ("speed", "three", "bench"))
+ASKED = ("speed", "three", "tenth", "public", "spoilt", "limits", "bench")
+"""Those that put questions of their own."""
+GIVEN = tuple(name for name in PARTS if name not in ASKED)
 """Those that only count what the scripts wrote."""
-KNOWN = ("seconds_arm", "seconds_five", "real_healthy")
+KNOWN = ("seconds_arm", "seconds_five", "real_healthy", "public_right", "public_first", "public_passed")
 """Figures of cases that no seed draws anew: they were looked at while the rules were set."""
 
 
@@ -283,6 +364,9 @@ def main() -> None:
         "--seed", type=int, default=SEED, help=f"first seed, one that nobody looked at ({SEED})"
     )
     parser.add_argument("--machines", type=int, default=MACHINES, help=f"random machines ({MACHINES})")
+    parser.add_argument(
+        "--questions", type=int, default=QUESTIONS, help=f"about detection limits ({QUESTIONS})"
+    )
     parser.add_argument("--out", default="out/evidence", help="answers are kept here (out/evidence)")
     parser.add_argument("--data", help="recordings (default $PINOTWIN_DATA)")
     parser.add_argument(
@@ -300,7 +384,7 @@ def main() -> None:
         if args.scores:
             source = Given.read(args.scores)
         else:
-            source = Runs.beside(out, args.seed, args.machines, args.data)
+            source = Runs.beside(out, args.seed, args.machines, args.data, args.questions)
         keep(measured(args.parts or known, source, out, args.commit))
     except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
