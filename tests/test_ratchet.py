@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_136,
+    lines: 54_051,
     module_numbers: 102,
     numbers_without_unit: 288,
     stories: 5,

@@ -8,7 +8,7 @@ the verdict's own.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, TypeGuard
 
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.system.phrases import PRINTED
@@ -64,10 +64,11 @@ def grade(
     against which a machine without a twin is held; None, NaN or 0 where not known. Any but the effort ``u`` is open
     from further on.
     """
-    quiet, own = _positive(noise), _known(misfit)
+    own, level = _known(misfit), left_anyway(noise, misfit)
+    n = noise if _known(noise) else 0.0
+    quiet = n > 0.0
     if not _known(rms) or not (quiet or own):
         return "not judged"
-    n, level = (float(noise or 0.0) if quiet else 0.0), left_anyway(noise, misfit)
     if quiet and rms <= RULES.odd * n:
         return "agrees"
     if own and rms <= RULES.odd * level:
@@ -105,20 +106,15 @@ def stays(left: float, noise: float | None, misfit: float | None, size: float | 
 
 def left_anyway(noise: float | None, misfit: float | None) -> float:
     """Return noise and validation error together, those of the two that are known: a residual is held against it."""
-    quiet, own = _positive(noise), _known(misfit)
-    return math.hypot(float(noise or 0.0) if quiet else 0.0, float(misfit or 0.0) if own else 0.0)
+    return math.hypot(*(x for x in (noise, misfit) if _known(x)))
 
 
 def explained(rms: float, level: float, after: float | None) -> float:
     """Return the share of the squared residual above the level that goes, at most 1; 0 where nothing is named."""
-    if after is None or not _known(after) or rms <= level:
+    if not _known(after) or rms <= level:
         return 0.0
     return min(1.0, (rms**2 - after**2) / (rms**2 - level**2))
 
 
-def _known(x: float | None) -> bool:
+def _known(x: float | None) -> TypeGuard[float]:
     return x is not None and math.isfinite(x)
-
-
-def _positive(x: float | None) -> bool:
-    return x is not None and math.isfinite(x) and x > 0.0

@@ -50,8 +50,7 @@ def _way(before: float, after: float) -> str:
 
 def seen_words(detectable: Sequence[Mapping[str, Any]]) -> str:
     """Return what friction these logs would have shown, in a sentence; empty where nothing is known of that."""
-    rows = [x for x in detectable if x["effect"] == "friction_scale"]
-    seen = [f"{x['size']:.0%} on {x['axis']}" for x in rows]
+    seen = [f"{x['size']:.0%} on {x['axis']}" for x in detectable if x["effect"] == "friction_scale"]
     return f"A friction change of {joined(seen)} would have been visible" if seen else ""
 
 

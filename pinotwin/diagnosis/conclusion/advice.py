@@ -22,47 +22,39 @@ from pinotwin.signals import rms
 from pinotwin.system.phrases import joined
 from pinotwin.trajectories.moves import Limits, Trajectory, constant_speeds, multisine, slow_reversals
 
-PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
+PAIRS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (
-        frozenset({"coulomb_asymmetric", "offset", "rigid_body"}),
+        ("coulomb_asymmetric", "offset", "rigid_body"),
         "hold several postures with the brake off and read the effort",
         "slow",
     ),
     (
-        frozenset({"effort_scale", "rigid_body"}),
+        ("effort_scale", "rigid_body"),
         "add a payload of known mass and record the effort again",
         "slow",
     ),
     (
-        frozenset({"delay", "drive_flexibility", "joint_flexibility", "encoder_error"}),
+        ("delay", "drive_flexibility", "joint_flexibility", "encoder_error"),
         "record a multisine beyond the resonance; a delay shifts the phase with frequency, a resonance peaks",
         "multisine",
     ),
     (
-        frozenset(
-            [
-                "viscous",
-                "stribeck",
-                "quadratic_drag",
-                "viscous_thermal",
-                "load_friction",
-                "viscous_asymmetric",
-            ]
-        ),
+        ("viscous", "stribeck", "quadratic_drag", "viscous_thermal", "load_friction", "viscous_asymmetric"),
         "record constant speeds from 1 to 100 %, both directions",
         "speeds",
     ),
     (
-        frozenset({"presliding", "backlash", "encoder_error", "stribeck"}),
+        ("presliding", "backlash", "encoder_error", "stribeck"),
         "record slow reversals of growing stroke, from 1 µm (1 mdeg) up",
         "slow",
     ),
     (
-        frozenset({"ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"}),
+        ("ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"),
         "record the same travel at two speeds; a position effect stays put, a time effect shifts",
         "speeds",
     ),
 )
+"""Effects that are easily taken for each other, what tells them apart, and the kind of motion that shows it."""
 
 
 def advise(
@@ -83,7 +75,7 @@ def advise(
         words.append("log the command (<axis>.qr) as well; without it only the open loop is diagnosed")
     told: dict[tuple[str, str], dict[str, list[str]]] = {}
     for a, b in pairs:
-        way = next(((text, kind) for group, text, kind in PAIRS if {a, b} <= group), None)
+        way = next(((text, kind) for group, text, kind in PAIRS if {a, b} <= {*group}), None)
         if way is not None:
             told.setdefault(way, {}).setdefault(a, []).append(b)
     for (text, _), rivals in told.items():

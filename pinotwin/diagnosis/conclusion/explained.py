@@ -29,11 +29,6 @@ class Closed:
         """Share of the whole that goes; below zero where it grows."""
         return float(self.gained.sum() / max(float(self.before.sum()), 1e-300))
 
-    @property
-    def bounded(self) -> float:
-        """The share from 0 to 1: what makes a gap larger closes nothing."""
-        return min(max(self.share, 0.0), 1.0)
-
     def shrink(self, level: float, axis: str) -> Shrink:
         """Return how far the gap of an axis shrinks, from its RMS [N or N·m]."""
         interval = share_interval(self.before, self.before - self.gained)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from pinotwin.diagnosis.data.comparison import Comparison, by_days, scatter
 from pinotwin.diagnosis.data.noise import noises, repeats
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.result import Gap
+from pinotwin.motion import Motion
 from pinotwin.signals import rms
 
 
@@ -29,32 +30,30 @@ def gap_table(
     for j in c.new.joints:
         rows = judged_rows(motion, j)
         level = rms(residual[rows, j])
-        left = 1.0 - closed[j].bounded if j in closed else 1.0
+        # What makes a gap larger closes nothing.
+        gone = min(max(closed[j].share, 0.0), 1.0) if j in closed else 0.0
         effort = rms(motion.u[rows, j])
-        misfit, unsure = _expected(c, j)
-        after, size = level * float(np.sqrt(left)), c.new.size(j)
+        misfit, unsure = float("nan"), 0.0  # where the twin knows none
+        if c.twin.misfit is not None and c.own is not None and j in c.own.joints:
+            misfit = c.twin.misfit.summary[motion.names[j]]["moving"]
+            unsure = float(np.sqrt(max(c.floor[j] ** 2 - c.own.level(j) ** 2, 0.0)))
+        after, size = level * float(np.sqrt(1.0 - gone)), c.new.size(j)
         nrmse = level / max(effort, 1e-300)
         out[motion.names[j]] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure, c.worth)}
-    for axis in c.gate.silent:
+    return {**out, **unjudged_gaps(motion, residual, [x for x in c.gate.silent if x not in out])}
+
+
+def unjudged_gaps(motion: Motion, left: Floats, axes: Iterable[str]) -> dict[str, dict[str, Gap]]:
+    """Return the gaps of axes that are not judged: what is left of their effort, (n, nv) [N or N·m], no noise known."""
+    out = {}
+    for axis in axes:
         j = motion.index(axis)
         rows = judged_rows(motion, j)
-        if axis not in out and rows.any():
-            out[axis] = {"u": unjudged_gap(residual[rows, j], motion.u[rows, j])}
+        if rows.any():
+            level = rms(left[rows, j])
+            nrmse = level / max(rms(motion.u[rows, j]), 1e-300)
+            out[axis] = {"u": Gap(level, nrmse, float("nan"), level)}
     return out
-
-
-def unjudged_gap(left: Floats, effort: Floats) -> Gap:
-    """Return the gap of an axis that is not judged: what is left of its effort, (m,) [N or N·m], no noise known."""
-    level = rms(left)
-    return Gap(level, level / max(rms(effort), 1e-300), float("nan"), level)
-
-
-def _expected(c: Comparison, joint: int) -> tuple[float, float]:
-    """Return the twin's misfit and what it is less sure of here [N or N·m]; NaN and 0 where it knows none."""
-    if c.twin.misfit is None or c.own is None or joint not in c.own.joints:
-        return float("nan"), 0.0
-    more = max(c.floor[joint] ** 2 - c.own.level(joint) ** 2, 0.0)
-    return c.twin.misfit.summary[c.machine.names[joint]]["moving"], float(np.sqrt(more))
 
 
 def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:

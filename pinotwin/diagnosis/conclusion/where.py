@@ -35,16 +35,12 @@ class Cell:
 def localise(sample: Sample, residual: Floats, joint: int, rng: np.random.Generator) -> list[Region]:
     """Return the regions of an axis in which its gap, ``residual`` at the joint's rows, shape (m,), concentrates."""
     power = residual**2
-    if power.sum() <= 0.0:
-        return []
     cells = regimes(sample.motion, sample.samples(joint), joint, np.abs(sample.effort[joint]))
-    if not cells:
+    if power.sum() <= 0.0 or not cells:
         return []
     axis = sample.motion.names[joint]
-    found = concentrated(cells, power, axis, "u", rng)
-    found.extend(_bands(sample, residual, joint, axis))
-    found.sort(key=lambda r: -(r.share - r.time_share))
-    return found[:MOST]
+    found = [*concentrated(cells, power, axis, "u", rng), *_bands(sample, residual, joint, axis)]
+    return sorted(found, key=lambda r: -(r.share - r.time_share))[:MOST]
 
 
 def concentrated(

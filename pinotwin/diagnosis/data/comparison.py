@@ -18,7 +18,7 @@ from pinotwin.columns import bind
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run_away
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
-from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.data.samples import Sample, left_of, sample
 from pinotwin.diagnosis.result import Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
@@ -72,14 +72,22 @@ class Comparison:
         ready |= {k: Prepared.of(self.machine, log, self.twin.settings) for k, log in left_out.items()}
         return [ready[k] for k in range(len(given))]
 
+    def only(self, joints: Collection[int]) -> Comparison:
+        """Return the comparison of some joints of the logs in question; other rows that have none of them are gone."""
+        own, unseen = (
+            None if s is None or set(joints).isdisjoint(s.joints) else s.only(joints)
+            for s in (self.own, self.unseen)
+        )
+        return replace(self, new=self.new.only(joints), own=own, unseen=unseen)
+
     @cached_property
     def rubs(self) -> Mapping[int, Floats]:
         """Joint -> course of every friction that the twin knows of it, on the rows in question [N or N·m], (m, k)."""
         out: dict[int, list[Floats]] = {j: [] for j in self.new.residual}
-        for effect, where in zip(self.twin.effects, self.twin.slices, strict=True):
+        for effect, theta in self.twin.pairs:
             if effect.family is FRICTION:
                 for j, x in self.new.columns(effect).items():
-                    out[j].append(x @ self.twin.theta[where])
+                    out[j].append(x @ theta)
         return {j: np.array(x).reshape(len(x), len(self.new.residual[j])).T for j, x in out.items()}
 
     def traces(self, axis: str, t: Floats, before: Floats, after: Floats) -> list[Traces]:
@@ -111,7 +119,7 @@ def compare(
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
     if len(logs) > 1 and not (pooled and all(m.qr is not None for m in motions)):
-        differ = apart(logs, [_sample(twin, m) for m in motions], own)
+        differ = apart(logs, [sample(*left_of(twin, m)) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
         ready = ready.only(subject, kept)
@@ -119,10 +127,10 @@ def compare(
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
-    whole, left = _left(twin, Motion.join(motions))
+    whole, left = left_of(twin, Motion.join(motions))
     new = sample(whole, left)
     noise = residual_noise(new, left, motions)
-    unseen = within(_sample(twin, Motion.join(sealed)), new, twin) if sealed else None
+    unseen = within(sample(*left_of(twin, Motion.join(sealed))), new, twin) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
     asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
     if change:
@@ -135,11 +143,8 @@ def compare(
         new, strangers = _met(new, own)
         asked = replace(asked, unknown=strangers)
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
-    new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
-    floor = _floor(twin, new, own, own_errors)
-    every = (*motions, *sealed)
-    data = (twin, change, ready.logs, ready.validation, new, own, unseen, floor)
-    c = Comparison(*data, asked, every, kept, differ, noise, worth)
+    data = (twin, change, ready.logs, ready.validation, new, own, unseen, _floor(twin, new, own, own_errors))
+    c = Comparison(*data, asked, (*motions, *sealed), kept, differ, noise, worth).only(judged)
     return _without_lost(c, lost) if change else c
 
 
@@ -159,10 +164,7 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     if not judged or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}
-    gate = replace(c.gate, unknown={**c.gate.unknown, **left})
-    return replace(
-        c, new=c.new.only(judged), own=_only(c.own, judged), unseen=_only(c.unseen, judged), gate=gate
-    )
+    return replace(c.only(judged), gate=replace(c.gate, unknown={**c.gate.unknown, **left}))
 
 
 def foretells(c: Comparison, joint: int) -> bool:
@@ -185,20 +187,6 @@ def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
     return new.only([j for j in new.joints if j in own.joints]), dict.fromkeys(strange, why)
 
 
-def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:
-    """Return the sample with the rows of some joints; None if it has none of them."""
-    shared = [j for j in joints if s is not None and j in s.joints]
-    return s.only(shared) if s is not None and shared else None
-
-
-def _base(machine: Machine, logs: Sequence[Log], bent_logs: Sequence[Log]) -> Twin:
-    """Return the twin of a machine in its logs; springs by which the logs were bent are not found again."""
-    measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
-    # No lead where it states none: a lag is a finding.
-    axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in machine.axes.items()}
-    return identify(replace(machine, axes=axes), bent_logs, loop=False, springs=measured)
-
-
 @dataclass(frozen=True, eq=False)
 class _Ready:
     """The twin to compare with, and the logs as it prepares them."""
@@ -215,7 +203,12 @@ class _Ready:
         if isinstance(subject, Machine):
             logs = [bind(log, subject.columns) for log in logs]
             bending = find_bending(subject, logs)
-            twin = _base(subject, logs, bend_all(bending, logs))
+            bent_logs = bend_all(bending, logs)
+            # Springs by which the logs were bent are not found again.
+            measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
+            # No lead where it states none: a lag is a finding.
+            axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in subject.axes.items()}
+            twin = identify(replace(subject, axes=axes), bent_logs, loop=False, springs=measured)
         else:
             twin = subject
 
@@ -293,16 +286,6 @@ def _visited(q: Floats, seen: Floats) -> Mask:
     """Return which positions (n,) lie on the travel of others, by a hundredth of it."""
     margin = 0.01 * float(np.ptp(seen))
     return np.asarray((q >= seen.min() - margin) & (q <= seen.max() + margin))
-
-
-def _sample(twin: Twin, motion: Motion) -> Sample:
-    return sample(*_left(twin, motion))
-
-
-def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
-    """Return a motion with the channels of the twin's effort, and the measured effort less that, shape (n, nv)."""
-    motion = with_model_effort(motion, twin.effects, twin.theta)
-    return motion, motion.u - twin.effort(motion)
 
 
 def _floor(twin: Twin, new: Sample, own: Sample | None, own_errors: Mapping[int, Floats]) -> dict[int, float]:

@@ -147,22 +147,19 @@ def off_command(own: Motion, new: Motion) -> list[str]:
     """
     if own.qr is None or new.qr is None:
         return []
-    kept = [name for name in own.names if name in new.names and _keeps(own, name)]
-    return [name for name in kept if _no_multiple(new, name)]
+    out = []
+    for name in (x for x in own.names if x in new.names and _keeps(own, x)):
+        j = new.index(name)
+        q, asked = (x[:, j] - np.mean(x[:, j]) for x in (new.q, new.qr))
+        factor = float(asked @ q) / max(float(asked @ asked), 1e-300)
+        if np.std(q - factor * asked) > USUAL.follows * np.std(q):
+            out.append(name)
+    return out
 
 
 def _keeps(own: Motion, axis: str) -> bool:
     j = own.index(axis)
     return bool(np.std(own.error[:, j]) < USUAL.follows * np.std(own.q[:, j]))
-
-
-def _no_multiple(new: Motion, axis: str) -> bool:
-    """Whether the position of an axis is its command under no factor."""
-    assert new.qr is not None
-    j = new.index(axis)
-    q, asked = (x[:, j] - np.mean(x[:, j]) for x in (new.q, new.qr))
-    factor = float(asked @ q) / max(float(asked @ asked), 1e-300)
-    return bool(np.std(q - factor * asked) > USUAL.follows * np.std(q))
 
 
 def _about(finding: Finding) -> str:

@@ -69,7 +69,16 @@ def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Ap
         off = {(a, b): _off(runs[a], runs[b], own) for a in group for b in group if a < b}
         off |= {(b, a): row for (a, b), row in off.items()}
         least = RULES.runs_change if own is not None else RULES.runs_structure
-        first = _reference(group, off, runs, own, least)
+        # The others are held against the run that is nearest to all of them, or to the twin where they differ.
+        if own is None:
+            first = min(
+                group, key=lambda k: sum(max(off[k, b].values(), default=0.0) for b in group if b != k)
+            )
+        else:
+            joints = {j for row in off.values() for j, x in row.items() if x > least and j in own.joints}
+            first = min(
+                group, key=lambda k: sum(runs[k].level(j) / max(own.level(j), 1e-300) for j in joints)
+            )
         differ = {k: off[k, first] for k in group if k != first}
         far = [k for k, row in differ.items() if max(row.values(), default=0.0) > least]
         if far:
@@ -81,19 +90,6 @@ def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Ap
         return None
     sources = tuple(Path(log.source).name or f"log {k + 1}" for k, log in enumerate(logs))
     return Apart(tuple(odd), tuple(alike), axes, sources)
-
-
-Off = Mapping[tuple[int, int], Mapping[int, float]]
-
-
-def _reference(
-    group: Sequence[int], off: Off, runs: Sequence[Sample], own: Sample | None, least: float
-) -> int:
-    """Return the run that the others are held against: nearest to the twin where they differ, or to all others."""
-    if own is None:
-        return min(group, key=lambda k: sum(max(off[k, b].values(), default=0.0) for b in group if b != k))
-    differ = {j for row in off.values() for j, x in row.items() if x > least and j in own.joints}
-    return min(group, key=lambda k: sum(runs[k].level(j) / max(own.level(j), 1e-300) for j in differ))
 
 
 def _off(a: Sample, b: Sample, own: Sample | None) -> dict[int, float]:

@@ -15,10 +15,11 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
-from pinotwin.effects.scene import Shaking
+from pinotwin.effects.scene import Shaking, with_model_effort
 from pinotwin.identification.assemble import Rows, choose_rows, thin
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, since_start
+from pinotwin.twin import Twin
 
 ROW_RATE = 200.0
 """Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
@@ -119,6 +120,12 @@ class Sample:
     def foretold(self, joint: int) -> float:
         """Return how much the twin's effort of one joint varies [N or N·m]."""
         return float(np.std(self.effort[joint] - self.residual[joint]))
+
+
+def left_of(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
+    """Return a motion with the channels of the twin's effort, and measured effort less that, (n, nv) [N or N·m]."""
+    motion = with_model_effort(motion, twin.effects, twin.theta)
+    return motion, motion.u - twin.effort(motion)
 
 
 def sample(motion: Motion, residual: Floats) -> Sample:

@@ -15,10 +15,10 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.conclusion.advice import advise
 from pinotwin.diagnosis.conclusion.explained import Closed, rival
-from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gap
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, unjudged_gaps
 from pinotwin.diagnosis.conclusion.verdict import said, unjudged, unsure_words
 from pinotwin.diagnosis.data.comparison import UNSURE, Comparison, compare
-from pinotwin.diagnosis.data.samples import judged_rows
+from pinotwin.diagnosis.data.samples import judged_rows, left_of
 from pinotwin.diagnosis.days.causes import Place, axis_of, effect_of, plain_row, regions, sizes, unit_of, when
 from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
@@ -26,14 +26,13 @@ from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
 from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
-from pinotwin.diagnosis.days.stretch import Stretch, combined, stretches
+from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.diagnosis.payload import plain_body
 from pinotwin.diagnosis.phrases import described, effect_words, follows, recording_words, seen_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Traces, shrunk
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
-from pinotwin.effects.scene import with_model_effort
 from pinotwin.logs.quality.results import Finding
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -63,22 +62,17 @@ class _Rows:
     @classmethod
     def of(cls, r: Reference, motions: Sequence[Motion]) -> _Rows:
         """Return the rows of some logs."""
-        motions = [with_model_effort(m, r.twin.effects, r.twin.theta) for m in motions]
-        lefts = [m.u - r.twin.effort(m) for m in motions]
-        pairs = enumerate(zip(motions, lefts, strict=True))
-        found = [s for k, (m, x) in pairs for s in stretches(r.twin, m, x, k, r.axes, r.top)]
+        pairs = [left_of(r.twin, m) for m in motions]
+        found = [s for k, (m, x) in enumerate(pairs) for s in stretches(r.twin, m, x, k, r.axes, r.top)]
         starts = [0, *accumulate(len(m) for m in motions)]
-        return cls(Motion.join(motions), np.concatenate(lefts), starts, found)
+        return cls(Motion.join([m for m, _ in pairs]), np.concatenate([x for _, x in pairs]), starts, found)
 
     def course(self, row: Row, axis: str, *, unseen: bool = False) -> Floats:
         """Return what a cause adds to the effort of an axis on every row, shape (n,) [N or N·m]."""
         out = np.zeros(len(self.motion))
-        acts = row.unseen if unseen else row.acts
-        for s, x in zip(self.stretches, (acts or {}).get(axis, ()), strict=False):
-            if "plant" in x:
-                y = combined(x["plant"], row.numbers)
-                at = self.starts[s.log] + s.start + np.arange(len(s.motion))
-                out[at] = np.interp(s.motion.t - s.motion.t[0], s.t, y)
+        for s, y in zip(self.stretches, row.courses(axis, "plant", unseen=unseen), strict=False):
+            at = self.starts[s.log] + s.start + np.arange(len(s.motion))
+            out[at] = np.interp(s.motion.t - s.motion.t[0], s.t, y)
         return out
 
 
@@ -116,13 +110,8 @@ class Answer:
     @cached_property
     def unjudged(self) -> dict[str, dict[str, Gap]]:
         """The gaps of axes that are not judged, for their twin is unsure by more than their effort varies."""
-        out = {}
-        for axis in [x for x, why in self.c.gate.unknown.items() if why is UNSURE]:
-            j = self.c.machine.names.index(axis)
-            rows = judged_rows(self.new.motion, j)
-            if rows.any():
-                out[axis] = {"u": unjudged_gap(self.new.left[rows, j], self.new.motion.u[rows, j])}
-        return out
+        axes = [axis for axis, why in self.c.gate.unknown.items() if why is UNSURE]
+        return unjudged_gaps(self.new.motion, self.new.left, axes)
 
     @cached_property
     def possible(self) -> list[Named]:
@@ -137,7 +126,7 @@ class Answer:
 
         The logs in question promise it, and those of validation tell it.
         """
-        acting = [x for x in self.named if axis in x.row.acts and "plant" in x.row.acts[axis][0]]
+        acting = [x for x in self.named if x.row.courses(axis, "plant")]
         whole, gained = self._gained(acting, axis, self.new)
         promised, on = [float(x.sum() / max(float(whole.sum()), 1e-300)) for x in gained], "fitted logs"
         if self.valid is not None and all(x.row.unseen is not None for x in acting):
@@ -247,10 +236,10 @@ class Answer:
             now = level = rms(np.concatenate(left))
             shares = dict[int, float]()
             for x in self.named:
-                acts = x.row.acts.get(name, [])
-                if not acts or "encoders" not in acts[0]:
+                gone = x.row.courses(name, "encoders")
+                if not gone:
                     continue
-                left = [y - combined(a["encoders"], x.row.numbers) for y, a in zip(left, acts, strict=True)]
+                left = [y - z for y, z in zip(left, gone, strict=True)]
                 after = rms(np.concatenate([self.r.centred(name, y) for y in left]))
                 shares[id(x)] = float(np.clip((now**2 - after**2) / max(level**2, 1e-300), 0.0, 1.0))
                 now = min(now, after)
@@ -387,7 +376,9 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     lawful = bool(r.laws) and all("e" in s.axes[k] for s in new.stretches for k in r.laws)
     if not new.stretches or not (lawful or r.days >= SEVERAL or set(r.twists) == set(r.axes)):
         return None  # without the controller's law, other days or a second encoder a recording and a machine look alike
-    r = r if lawful else r.without_laws()
+    if not lawful:  # such logs hold no command: nothing tells of a controller
+        plain = {k: w for k, w in r.whitenings.items() if k[1] != "law"}
+        r = replace(r, laws={}, law_widths={}, whitenings=plain)
     valid = valid if valid is not None and valid.stretches else None
     a = Answer(c, r, _judged(c, r, new, valid, options), new, valid)
     shown = [x for x in a.named if a.adds(x)]

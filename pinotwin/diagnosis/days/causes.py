@@ -15,39 +15,31 @@ from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import ENCODER, GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
-from pinotwin.diagnosis.days.stretch import Stretch, combined
+from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.payload import body_of, plain_body
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import Effect
 
-EFFECT = {
-    "friction_since": "coulomb",
-    "friction_at_start": "coulomb",
-    "cross_friction": "coulomb",
-    "motor_coulomb": "coulomb",
-    "motor_viscous": "viscous",
-    "drift": "offset",
-    "zero_since": "zero",
-    "inertia": "payload",
-    "compliance": "drive_flexibility",
-    "proportional_gain": "loop_gain",
-    "lost_motion": "backlash",
-    "lost_motion_by_load": "backlash",
-    "lost_motion_either_side": "backlash",
-    "load_moved": "encoder_step",
-    "push": "external_force",
-    "cut": "external_force",
-    "snag": "external_force",
-    "tooth": "position_table",
-    "torque_constant": "effort_scale",
-    "torque_fades": "effort_scale",
-    "effort_late": "delay",
-    "encoder_grows": "encoder_scale",
-    "encoder_period": "encoder_error",
-    "encoder_along": "encoder_error",
-    "limit": "saturation",
+ROWS = {
+    "coulomb": ("friction_since", "friction_at_start", "cross_friction", "motor_coulomb"),
+    "viscous": ("motor_viscous",),
+    "offset": ("drift",),
+    "zero": ("zero_since",),
+    "payload": ("inertia",),
+    "drive_flexibility": ("compliance",),
+    "loop_gain": ("proportional_gain",),
+    "backlash": ("lost_motion", "lost_motion_by_load", "lost_motion_either_side"),
+    "encoder_step": ("load_moved",),
+    "external_force": ("push", "cut", "snag"),
+    "position_table": ("tooth",),
+    "effort_scale": ("torque_constant", "torque_fades"),
+    "delay": ("effort_late",),
+    "encoder_scale": ("encoder_grows",),
+    "encoder_error": ("encoder_period", "encoder_along"),
+    "saturation": ("limit",),
 }
-"""Row -> effect of the contract; others keep their name."""
+"""Effect of the contract -> rows that name it; others keep their name."""
+EFFECT = {row: effect for effect, rows in ROWS.items() for row in rows}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +87,8 @@ class Place:
 
     def known(self, effect: str) -> float:
         """Return the first number that the twin has of an effect on the axis [its unit]; 0 of one that it has not."""
-        twin = self.reference.twin
-        for e, where in zip(twin.effects, twin.slices, strict=True):
-            if (e.name, e.axis) == (effect, self.axis):
-                return float(twin.theta[where][0])
-        return 0.0
+        pairs = self.reference.twin.pairs
+        return next((float(theta[0]) for e, theta in pairs if (e.name, e.axis) == (effect, self.axis)), 0.0)
 
 
 def effect_of(name: str) -> str:
@@ -203,7 +192,7 @@ def _body(row: Row) -> list[Size]:
 
 def _largest(row: Row, equation: str, name: str, unit: str) -> Size:
     """Return the largest force, or error, of what acts for a while or along a stroke."""
-    course = np.concatenate([combined(x[equation], row.numbers) for x in row.acts[row.axis]])
+    course = np.concatenate(row.courses(row.axis, equation))
     most = float(course[np.argmax(np.abs(course))])
     half = 1.645 * abs(most) * float(np.min(row.errors / np.maximum(np.abs(row.numbers), 1e-300)))
     return Size(name, 0.0, most, unit, (most - half, most + half))

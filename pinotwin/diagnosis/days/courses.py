@@ -16,7 +16,7 @@ from pinotwin.diagnosis.days.places import Felt, Sought, Span
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import Row
 from pinotwin.diagnosis.days.score import density
-from pinotwin.diagnosis.days.stretch import Stretch, combined
+from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.days.whitening import COUNTED, Whitening, settled
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.signals import rms, runs
@@ -154,8 +154,8 @@ def spells(
     """
     w, counts = r.whitenings[key], [s.axes[key[0]][COUNTED[key[1]]] for s in logs]
     left = r.left(logs, *key)
-    for f in [f for f in found if key[1] in f.acts.get(key[0], [{}])[0]]:
-        left = [y - combined(x[key[1]], f.numbers) for y, x in zip(left, f.acts[key[0]], strict=True)]
+    for gone in filter(None, (f.courses(*key) for f in found)):
+        left = [y - x for y, x in zip(left, gone, strict=True)]
     pairs = [
         np.column_stack([y, _course(r, s, key, row, k)])
         for k, (s, y) in enumerate(zip(logs, left, strict=True))
@@ -188,7 +188,7 @@ def _course(r: Reference, s: Stretch, key: tuple[str, str], row: Row, k: int) ->
     if row.group == "onset":
         once = c["dry"] if row.name == "friction_since" else c["sg"] * r.widths[key[0]]["effort"]
         return np.asarray(once * row.theta)
-    return combined(row.acts[key[0]][k][key[1]], row.numbers)
+    return row.courses(*key)[k]
 
 
 def acting(told: Floats, price: float) -> Mask:

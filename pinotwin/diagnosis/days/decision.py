@@ -121,11 +121,11 @@ class Case:
 
     def _others(self, r: Row) -> float:
         """Return what the best other names of the equations in which a cause acts gain together [nats]."""
-        out, own = 0.0, {r.axis, *r.axes}
+        out = 0.0
         for e in r.by.keys() - {"day"}:
             best = dict[str, float]()
             for x in self.causes:
-                if e in x.by and (x.axis, x.group) != (r.axis, r.group) and (r.axis == ALL or x.acts_on(own)):
+                if e in x.by and (x.axis, x.group) != (r.axis, r.group) and x.meets(r):
                     key = ALL if len(x.axes) > 1 else x.axis
                     best[key] = max(best.get(key, 0.0), min(x.by[e], x.score))
             out += max(best.pop(ALL, 0.0), sum(best.values()))

@@ -127,11 +127,8 @@ def known(twin: Twin, form: Effect) -> Floats:
     out = []
     for part in parts(form):
         count = len(part.coefficients())
-        same = [
-            twin.theta[where]
-            for e, where in zip(twin.effects, twin.slices, strict=True)
-            if (e.name, e.axis, e.shapes()) == (part.name, part.axis, part.shapes())
-        ]
+        key = (part.name, part.axis, part.shapes())
+        same = [theta for e, theta in twin.pairs if (e.name, e.axis, e.shapes()) == key]
         out.append(same[0] if same and len(same[0]) == count else np.zeros(count))
     return np.concatenate(out)
 

@@ -174,7 +174,7 @@ def named(case: Case, P: Floats, best: int) -> Named:
     """
     one, p = case.causes[best], P[2:]
     same, kin, alike = _class(case, p, best)
-    meets = kin | [_meet(r, one) for r in case.causes]
+    meets = kin | [r.meets(one) and not (r.by.keys() & one.by.keys()) <= {"day"} for r in case.causes]
     order = [int(k) for k in np.argsort(-p) if meets[k] and not same[k]]
     rivals = [(case.causes[k], float(p[k])) for k in order[:4]]
     return Named(one, float(p[kin].sum() / max(P[1] + p[meets].sum(), 1e-9)), rivals, alike)
@@ -193,10 +193,6 @@ def _class(case: Case, p: Floats, k: int) -> tuple[Mask, Mask, list[Row]]:
     kin = same | [(family(r.name), r.axis) == (family(one.name), one.axis) for r in case.causes]
     kin |= near & [(r.group, r.axis) == (one.group, one.axis) for r in case.causes]
     return same, kin, [case.causes[i] for i in np.argsort(-p) if (near & kin & ~same)[i]]
-
-
-def _meet(a: Row, b: Row) -> bool:
-    return (b.axis == ALL or a.acts_on({b.axis, *b.axes})) and not (a.by.keys() & b.by.keys()) <= {"day"}
 
 
 def family(name: str) -> str:

@@ -138,16 +138,6 @@ class Drive:
         return np.where(within, u - gave, left)
 
 
-def drives(r: Reference, logs: Sequence[Stretch], left: Sequence[Floats], name: str) -> list[Drive]:
-    """Return an axis in some stretches from what its law leaves of each, shape (n,)."""
-    own = np.concatenate([x - x.mean() for x in r.left(r.logs, name, "law")])
-    j = r.logs[0].motion.names.index(name)
-    noise = np.hypot(roughness([np.nan_to_num(s.motion.u[:, j]) for s in r.logs]), rms(own))
-    return [
-        Drive(s, name, x, r.whitenings[name, "law"], float(noise)) for s, x in zip(logs, left, strict=True)
-    ]
-
-
 def bounded(each: Sequence[Drive]) -> Bound | None:
     """Return the limit that explains most of some stretches, None where constants of the law explain it as well."""
     best: Bound | None = None
@@ -224,8 +214,12 @@ def limit_row(each: Sequence[Drive], before: Mapping[str, Cells], r: Reference) 
 
 def limit_rows(asked: Asked) -> list[Row]:
     """Return the rows of drives at their limit."""
-    r, q = asked.r, asked.q
-    lawful = [k for k in r.axes if (k, "law") in q.left[0]]
-    every = [(k, drives(r, q.logs, [x[k, "law"] for x in q.left], k)) for k in lawful]
-    rows = [limit_row(each, asked.cells[k], r) for k, each in every]
-    return [x for x in rows if x is not None]
+    r, q, out = asked.r, asked.q, list[Row | None]()
+    for name in (k for k in r.axes if (k, "law") in q.left[0]):
+        own = np.concatenate([x - x.mean() for x in r.left(r.logs, name, "law")])
+        j, w = r.logs[0].motion.names.index(name), r.whitenings[name, "law"]
+        noise = np.hypot(roughness([np.nan_to_num(s.motion.u[:, j]) for s in r.logs]), rms(own))
+        pairs = zip(q.logs, q.left, strict=True)
+        each = [Drive(s, name, x[name, "law"], w, float(noise)) for s, x in pairs]
+        out.append(limit_row(each, asked.cells[name], r))
+    return [x for x in out if x is not None]

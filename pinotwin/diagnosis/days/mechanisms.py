@@ -44,14 +44,7 @@ GROUPS = {
     "scale": ("effort_scale", "effort_late", "torque_constant", "torque_fades"),
     "encoder": ("encoder_scale", "encoder_grows", "encoder_step", "encoder_period", "encoder_along"),
     "limit": ("limit",),
-    "recording": (
-        "effort_of_another_run",
-        "command_late",
-        "clock_scale",
-        "rows_lost",
-        "rows_doubled",
-        "from_a_slower_log",
-    ),
+    "recording": ("effort_of_another_run", "command_late", "clock_scale"),
     "describe": ("describe",),
 }
 GROUP = {name: group for group, names in GROUPS.items() for name in names}

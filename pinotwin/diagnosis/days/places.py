@@ -91,13 +91,10 @@ class Whitened:
 def local(r: Reference, w: Whitened) -> dict[str, Sought]:
     """Return the pushes, cuts, teeth and snags of an axis that are worth a look; columns of shape (n, p)."""
     logs, name, out = w.logs, w.name, dict[str, Sought]()
-    pushes = pulses(w, [(k,) for k in range(len(logs))], 8)
-    if pushes:
+    if pushes := pulses(w, [(k,) for k in range(len(logs))], 8):
         out["push"] = _timed(w, pushes)
-    if one_program(r, logs):
-        cuts = pulses(w, [tuple(range(len(logs)))], 12)
-        if cuts:
-            out["cut"] = _timed(w, cuts)
+    if one_program(r, logs) and (cuts := pulses(w, [tuple(range(len(logs)))], 12)):
+        out["cut"] = _timed(w, cuts)
     q = np.concatenate([s.axes[name]["q"] for s in logs])
     return {**out, **_at_places(w, float(q.min()), float(q.max()))}
 
@@ -297,7 +294,11 @@ def _best_snag(w: Whitened, places: Floats, width: float, bumps: Sequence[Floats
         edges.append(inside[1:] - inside[:-1])
     best = _Bump()
     for n in range(len(places)):
-        passes = _passes(edges, n)
+        passes = [
+            (k, int(a), int(b))
+            for k, d in enumerate(edges)
+            for a, b in zip(np.flatnonzero(d[:, n] == 1), np.flatnonzero(d[:, n] == -1), strict=True)
+        ]
         if len(passes) < 3:
             continue
         p, z = (np.array([sums[k][i][b, n] - sums[k][i][a, n] for k, a, b in passes]) for i in (0, 1))
@@ -310,14 +311,6 @@ def _best_snag(w: Whitened, places: Floats, width: float, bumps: Sequence[Floats
             if gain > best.gain and (on > 0.4).sum() >= 2:
                 best = _Bump(gain, float(places[n]), width, tuple(passes), (on > 0.4).astype(float))
     return best
-
-
-def _passes(edges: Sequence[Ints], n: int) -> list[tuple[int, int, int]]:
-    out = []
-    for k, d in enumerate(edges):
-        first, last = (np.flatnonzero(d[:, n] == v) for v in (1, -1))
-        out += [(k, int(a), int(b)) for a, b in zip(first, last, strict=True)]
-    return out
 
 
 def _finer(w: Whitened, bump: _Bump, keep: Sequence[Floats]) -> tuple[float, float]:

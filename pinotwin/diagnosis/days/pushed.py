@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -35,15 +35,6 @@ def chance(g: Ground, j: int, columns: Sequence[Floats]) -> float:
     return turns * float(np.log(np.mean(slow))) if turns else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Clock:
-    """An even clock of one log, as the search for pushes reads a stretch: times and cells, shape (n,) each."""
-
-    t: Floats
-    step: float
-    cell: Ints
-
-
 def pushed(g: Ground, j: int) -> list[Floats]:
     """Return the courses of pushes on a joint, (m,) each, of size one."""
     g = g.fine(j) if g.c.change else g
@@ -58,7 +49,8 @@ def pushed(g: Ground, j: int) -> list[Floats]:
         t = np.arange(at[-1] + 1) * g.step
         x, mask = np.zeros((2, len(t)))
         x[at], mask[at] = left[own] / whitening.weight, fast[own] / whitening.weight
-        logs.append(Clock(t, g.step, (t / SETTINGS.cell).astype(np.intp)))
+        # an even clock, as the search for pushes reads a stretch
+        logs.append(SimpleNamespace(t=t, step=g.step, cell=(t / SETTINGS.cell).astype(np.intp)))
         rows.append(at)
         counts.append(mask)
         rest.append(x)

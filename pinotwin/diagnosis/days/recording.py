@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.samples import left_of
 from pinotwin.diagnosis.days.evidence import Left, cells
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
@@ -17,7 +18,6 @@ from pinotwin.diagnosis.days.rows import NONE, Asked, positive, spread
 from pinotwin.diagnosis.days.score import Cells, opened, score
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
-from pinotwin.effects.scene import with_model_effort
 
 Told = Mapping[str, Mapping[str, Cells]]
 """Axis -> equation -> cells."""
@@ -33,7 +33,8 @@ def recording_rows(asked: Asked) -> list[Row]:
         other = {name: cells(r, q.logs, q.left, name, read=False)}
         out.append(again("effort_of_another_run", name, (asked.cells, other), float("nan"), 5.0))
         out += _otherwise(asked, name, "command_late", partial(_earlier, name), late)
-    return [*out, *_clock(asked)]
+    factors = np.r_[np.arange(0.96, 1.0, 0.01), 0.995, 1.0, 1.005, np.arange(1.01, 1.045, 0.01)]
+    return [*out, *_otherwise(asked, ALL, "clock_scale", partial(_slower, r), factors, 1.0)]
 
 
 def _otherwise(
@@ -58,19 +59,13 @@ def _otherwise(
         parts = [x for each in left(number)[1] for (_, e), x in each.items() if axis == ALL or e == "law"]
         return float(sum(np.log(np.var(x) + 1e-300) for x in parts))
 
-    best = _best(tried, healthy, rest)
-    if best == healthy:
-        return []
+    at = int(np.argmin(np.abs(tried - healthy)))
+    if min(tried[max(at - 1, 0) : at + 2], key=rest) == tried[at]:
+        return []  # only where one beside the healthy one leaves less are all tried
+    best = float(min(tried, key=rest))
     logs, residuals = left(best)
     told = {k: cells(asked.r, logs, residuals, k) for k in names}
     return [again(cause, axis, (asked.cells, told), best, SETTINGS.number + 2.0)]
-
-
-def _best(tried: Floats, healthy: float, rest: Callable[[float], float]) -> float:
-    """Return the number that leaves least; only where one beside the healthy one leaves less are all tried."""
-    at = int(np.argmin(np.abs(tried - healthy)))
-    near = float(min(tried[max(at - 1, 0) : at + 2], key=rest))
-    return near if near == tried[at] else float(min(tried, key=rest))
 
 
 def _earlier(name: str, s: Stretch, delay: float) -> Stretch:
@@ -87,19 +82,13 @@ def _earlier(name: str, s: Stretch, delay: float) -> Stretch:
     return replace(s, axes={**s.axes, name: c})
 
 
-def _clock(asked: Asked) -> list[Row]:
-    """Return the row of a clock that runs too fast or too slowly."""
-    factors = np.r_[np.arange(0.96, 1.0, 0.01), 0.995, 1.0, 1.005, np.arange(1.01, 1.045, 0.01)]
-    return _otherwise(asked, ALL, "clock_scale", lambda s, x: _slower(asked.r, s, x), factors, 1.0)
-
-
 def _slower(r: Reference, s: Stretch, factor: float) -> Stretch:
     """Return a stretch whose clock is slower by a factor."""
     if factor == 1.0:
         return s
     m = replace(s.motion, v=s.motion.v / factor, a=s.motion.a / factor**2)
-    m = with_model_effort(m, r.twin.effects, r.twin.theta)
-    left = s.taken(np.nan_to_num(m.u - r.twin.effort(m)))
+    m, left = left_of(r.twin, m)
+    left = s.taken(np.nan_to_num(left))
     axes = {}
     for name, c in s.axes.items():
         found = {k: x * factor ** POWERS.get(k, 0) for k, x in c.items()}

@@ -55,11 +55,6 @@ class Reference:
     lacked: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     days: int = SEVERAL
 
-    def without_laws(self) -> Reference:
-        """Return the same days without what a controller tells, for logs that hold no command."""
-        left = {k: w for k, w in self.whitenings.items() if k[1] != "law"}
-        return replace(self, laws={}, law_widths={}, whitenings=left)
-
     def twist(self, name: str, c: Columns) -> Floats:
         """Return how far the spring between two encoders gives, (n,) [m or rad]."""
         return _between(c)[:, :3] @ self.twists[name][:3]

@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.mechanisms import TOLD, Acts
 from pinotwin.diagnosis.days.reference import Reference
-from pinotwin.diagnosis.days.stretch import Stretch
+from pinotwin.diagnosis.days.stretch import Stretch, combined
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 
@@ -76,6 +76,18 @@ class Row:
     def acts_on(self, axes: Collection[str]) -> bool:
         """Whether it acts on any of some axes."""
         return self.axis == ALL or not {self.axis, *self.axes}.isdisjoint(axes)
+
+    def courses(self, axis: str, equation: str, *, unseen: bool = False) -> list[Floats]:
+        """Return what it adds to an equation of an axis in every stretch, (n,) each, SI; none where it does not act.
+
+        ``unseen``: in those of validation.
+        """
+        acts = (self.unseen or {}) if unseen else self.acts
+        return [combined(x[equation], self.numbers) for x in acts.get(axis, ()) if equation in x]
+
+    def meets(self, other: Row) -> bool:
+        """Whether it acts on any axis on which another acts."""
+        return other.axis == ALL or self.acts_on({other.axis, *other.axes})
 
     @property
     def rescales(self) -> bool:

@@ -227,7 +227,7 @@ def _shapes(q: Question, found: Sequence[Row]) -> Shapes:
         for axis, each in f.acts.items():
             for equation in each[0]:
                 if equation == "plant":
-                    y = np.concatenate([combined(x[equation], f.numbers) for x in each])
+                    y = np.concatenate(f.courses(axis, equation))
                     u = np.concatenate([s.axes[axis]["u"] for s in q.logs])
                     size = float(np.std(y) / max(float(np.std(u)), 1e-300))
                 elif f.group != "body":

@@ -105,35 +105,27 @@ def stretches(
     twin's own logs [m/s or rad/s], by which standstill is told.
     """
     least = 4.0 * SETTINGS.cell / motion.step
-    long = [s for s in motion.segments if s.stop - s.start > least]
-    return [
-        _stretch(twin, motion.cut(s.start, s.stop), left[s.start : s.stop], (log, s.start), axes, top)
-        for s in long
-    ]
-
-
-def _stretch(
-    twin: Twin, m: Motion, left: Floats, at: tuple[int, int], axes: Sequence[str], top: Mapping[str, float]
-) -> Stretch:
-    rate = 1.0 / m.step
+    rate, out = 1.0 / motion.step, list[Stretch]()
     edge, every = int(0.3 * rate), max(1, int(rate / (5.0 * corner(rate))))
-    rows = np.arange(edge, len(m) - edge, every)
-    parts = effort_parts(twin, m)
-    guesses = twin.effort_errors(m.at(rows))
-    found = {}
-    for name in axes:
-        j = m.names.index(name)
-        columns = {**_axis(m, j, top.get(name)), **{k: smooth(x[:, j], m.step) for k, x in parts.items()}}
-        columns["left"] = smooth(np.nan_to_num(left[:, j]), m.step)
-        servo = twin.servos.get(name)
-        columns["clear"] = _clear(columns, m.step, servo.encoder[0] if servo else 0.0)
-        found[name] = {k: x[rows] for k, x in columns.items()}
-        noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
-        q, v = found[name]["q"], np.abs(found[name]["v"])
-        reach = np.array([q.min(), q.max(), np.quantile(v, 0.99)])
-        found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j], "reach": reach}
-    t = m.t[rows] - m.t[0]
-    return Stretch(t, every * m.step, m.step, *at, (t / SETTINGS.cell).astype(np.intp), found, m, rows, left)
+    for part in [s for s in motion.segments if s.stop - s.start > least]:
+        m, rest = motion.cut(part.start, part.stop), left[part.start : part.stop]
+        rows, found = np.arange(edge, len(m) - edge, every), dict[str, dict[str, Floats]]()
+        parts, guesses = effort_parts(twin, m), twin.effort_errors(m.at(rows))
+        for name in axes:
+            j = m.names.index(name)
+            columns = _axis(m, j, top.get(name)) | {k: smooth(x[:, j], m.step) for k, x in parts.items()}
+            columns["left"] = smooth(np.nan_to_num(rest[:, j]), m.step)
+            servo = twin.servos.get(name)
+            columns["clear"] = _clear(columns, m.step, servo.encoder[0] if servo else 0.0)
+            found[name] = {k: x[rows] for k, x in columns.items()}
+            noise = float(np.std(m.u[:, j] - columns["u"])) / max(float(np.std(m.u[:, j])), 1e-300)
+            q, v = found[name]["q"], np.abs(found[name]["v"])
+            reach = np.array([q.min(), q.max(), np.quantile(v, 0.99)])
+            found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j], "reach": reach}
+        t = m.t[rows] - m.t[0]
+        cell = (t / SETTINGS.cell).astype(np.intp)
+        out.append(Stretch(t, every * m.step, m.step, log, part.start, cell, found, m, rows, rest))
+    return out
 
 
 def _axis(m: Motion, j: int, top: float | None) -> dict[str, Floats]:
@@ -192,8 +184,8 @@ def effort_parts(twin: Twin, m: Motion) -> dict[str, Floats]:
     """Return the twin's effort by part on every row, shape (n, nv) each: dry and viscous friction, the rest."""
     scene, nv = twin.scene(m), twin.machine.nv
     out = {k: np.zeros((len(m), nv)) for k in ("dry", "viscous", "rest")}
-    for effect, where in zip(twin.effects, twin.slices, strict=True):
+    for effect, theta in twin.pairs:
         rubs = effect.family is FRICTION
         part = "rest" if not rubs else "viscous" if effect.name in VISCOUS else "dry"
-        out[part] += effect.columns(scene).effort(twin.theta[where], nv)
+        out[part] += effect.columns(scene).effort(theta, nv)
     return out

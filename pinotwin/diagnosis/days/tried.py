@@ -85,8 +85,7 @@ class Tried:
     def _validation(self) -> dict[str, Columns]:
         """Return the causes in the validation logs whose columns do not hang on the logs in question."""
         q, r, out, ends = self.q, self.r, dict[str, Columns](), self.q.ends()
-        lasting = {key: x.again for key, x in self.sought.items() if x.again is not None}
-        at = {key: [again(s) for s in q.valid] for key, again in lasting.items()}
+        at = {key: [x.again(s) for s in q.valid] for key, x in self.sought.items() if x.again is not None}
         wide = self._several(q.valid, q.valid_left, at)
         for name, each in self._gathered(q.valid, q.valid_left, at, wide).items():
             out[name] = [{k: x for k, x in acts.items() if k.partition(":")[0] not in GROWS} for acts in each]

@@ -104,7 +104,9 @@ def _twist(motion: Motion, joint: int) -> _Twist | None:
         return None
     q, ql, u = (x[:, joint] for x in (motion.q, motion.ql, motion.u))
     v, a = motion.v[:, joint], motion.a[:, joint]
-    rows = _rows(motion, joint)
+    fast = np.abs(v) > SLOWEST * np.abs(v[motion.inside]).max(initial=0.0)
+    rows = np.flatnonzero(motion.moving(joint) & np.isfinite(ql) & fast)
+    rows = rows[:: max(1, len(rows) // MOST_ROWS)]
     if len(rows) < 200 or not np.ptp(ql[rows]) > 0.0:
         return None
     d, long = q - ql, [s for s in motion.segments if s.stop - s.start > 30]
@@ -125,14 +127,6 @@ def _twist(motion: Motion, joint: int) -> _Twist | None:
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
     blocks, travel = blocks_of(len(rows), step), float(np.ptp(x))
     return _Twist(d[rows], parts, blocks, rows, places, noise, motion.step, travel)
-
-
-def _rows(motion: Motion, joint: int) -> Ints:
-    assert motion.ql is not None
-    v = np.abs(motion.v[:, joint])
-    fast = v > SLOWEST * v[motion.inside].max(initial=0.0)
-    rows = np.flatnonzero(motion.moving(joint) & np.isfinite(motion.ql[:, joint]) & fast)
-    return rows[:: max(1, len(rows) // MOST_ROWS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,8 +235,8 @@ class _Told:
             gap, error = (
                 2.0 * float(x[self.new.at(self.names, "lost")]) for x in (self.fit.theta, self.fit.error)
             )
-            span = _span(gap, max(1.645 * error, FINEST * abs(gap)))
-            effect, sizes = "backlash", [Size("backlash.gap", 0.0, gap, unit, span)]
+            half = max(1.645 * error, FINEST * abs(gap))
+            effect, sizes = "backlash", [Size("backlash.gap", 0.0, gap, unit, (gap - half, gap + half))]
             shape = {"gap": sizes[0].after}
         else:
             effect, sizes = "encoder_error", self._table(unit)
@@ -264,8 +258,8 @@ class _Told:
         rows = []
         for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
             now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
-            low, high = _span(float(now), 1.645 * float(_errors(each)))
-            span = (max(low, 0.0), high)
+            half = 1.645 * float(_errors(each))
+            span = (max(float(now) - half, 0.0), float(now) + half)
             if i == 0:
                 now = now * between if between > 0.0 else now
                 low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
@@ -277,10 +271,11 @@ class _Told:
         """Return the largest error along the stroke, then the whole table, its mean taken off."""
         at = self.new.at(self.names, "table")
         now, half = _course(self.fit.theta, at), 1.645 * _errors(_course(self.fit.folds, at))
+        low, high = now - half, now + half
         labels = [f"at {x:.6g} {unit}" for x in self.new.knots]
         order = [int(np.argmax(np.abs(now))), *range(KNOTS)]
         return [
-            Size(f"encoder_error.{name}", 0.0, float(now[k]), unit, _span(now[k], half[k]))
+            Size(f"encoder_error.{name}", 0.0, float(now[k]), unit, (float(low[k]), float(high[k])))
             for name, k in zip(["largest", *labels], order, strict=True)
         ]
 
@@ -317,10 +312,6 @@ def _inverse(fit: Blocked, at: int) -> tuple[float, float]:
     if y + half <= 0.0:
         return 0.0, float("inf")
     return 1.0 / (y + half), (1.0 / (y - half) if y > half else float("inf"))
-
-
-def _span(x: float, half: float) -> tuple[float, float]:
-    return float(x - half), float(x + half)
 
 
 def _notes(axis: str, fit: Blocked, new: _Twist) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.samples import left_of
 from pinotwin.diagnosis.days.causes import Place, sizes
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.evidence import cells
@@ -22,7 +23,6 @@ from pinotwin.diagnosis.days.stretch import Stretch, stretches
 from pinotwin.diagnosis.days.whitening import Whitening
 from pinotwin.diagnosis.result import Found
 from pinotwin.diagnosis.settings import SETTINGS
-from pinotwin.effects.scene import with_model_effort
 from pinotwin.signals import rms, roughness
 
 LEVELS = 2
@@ -34,8 +34,8 @@ def limits(c: Comparison, leave_out: Collection[str] = ()) -> list[Found]:
     if c.new.motion.qr is None or "saturation" in leave_out:
         return []
     axes = [k for k in c.machine.names if k in c.machine.axes and c.gate.asks("servo", k)]
-    every = [with_model_effort(m, c.twin.effects, c.twin.theta) for m in c.motions[: len(c.logs)]]
-    logs = [s for k, m in enumerate(every) for s in stretches(c.twin, m, m.u - c.twin.effort(m), k, axes, {})]
+    every = [left_of(c.twin, m) for m in c.motions[: len(c.logs)]]
+    logs = [s for k, (m, left) in enumerate(every) for s in stretches(c.twin, m, left, k, axes, {})]
     lawful = [k for k in axes if logs and all("e" in s.axes[k] for s in logs)]
     return [x for k in lawful if (x := _limit(c, logs, k)) is not None]
 
@@ -60,9 +60,13 @@ def _limit(c: Comparison, logs: Sequence[Stretch], name: str) -> Found | None:
             open_ = {f"{name} law": opened(before["law"], score([(before["law"], NONE)], 0).left[0])}
             cases.append(case_of(r, [row], open_))
     case = max((x for x in cases if x.causes), key=lambda x: x.causes[0].score, default=None)
-    if case is None or _never_beyond(c, name, case.causes[0].theta):
+    if case is None:
         return None
     row = case.causes[0]
+    if c.own is not None:
+        u = c.own.motion.u[:, c.machine.names.index(name)]
+        if float(np.nanmax(np.abs(u))) < row.theta + 4.0 * roughness([u[np.isfinite(u)]]):
+            return None  # the twin's own logs went no further either
     shape, sure = {"limit": row.theta}, float(trained().probabilities(case)[-1])
     size = sizes(row, Place(r, name, logs))
     return Found("saturation", name, sure, shape, shape, {}, [], size=size, gain=row.score)
@@ -80,11 +84,3 @@ def _drives(logs: Sequence[Stretch], name: str, left: Sequence[Floats]) -> Itera
         w = Whitening.measured(left, below)
         for level_noise in (noise, float(np.hypot(noise, w.sigma))):
             yield [Drive(s, name, x, w, level_noise, feedback=False) for s, x in zip(logs, left, strict=True)]
-
-
-def _never_beyond(c: Comparison, name: str, level: float) -> bool:
-    """Whether the twin's own logs, where it has some, went no further than a level [N or N·m] either."""
-    if c.own is None:
-        return False
-    u = c.own.motion.u[:, c.machine.names.index(name)]
-    return float(np.nanmax(np.abs(u))) < level + 4.0 * roughness([u[np.isfinite(u)]])
