@@ -41,7 +41,7 @@ def urdf(axes: int, heavier: float = 1.0) -> str:
     return f'<robot name="arm"><link name="base"/>{links}</robot>'
 
 
-def moved(factors: np.ndarray, seed: int, more: np.ndarray) -> Log:
+def moved(factors: np.ndarray, seed: int, drag: np.ndarray, offset: np.ndarray) -> Log:
     """Return a log of an arm heavier than its URDF says; its friction has no kink, its efforts have 14 bits."""
     rng, n, t = np.random.default_rng(seed), len(factors), np.arange(0.0, 16.0, 0.004)
     model = pin.buildModelFromXML(urdf(n, heavier=1.2))
@@ -53,7 +53,7 @@ def moved(factors: np.ndarray, seed: int, more: np.ndarray) -> Log:
         for x in (0.5 / pace * np.sin(angle), 0.5 * np.cos(angle), -0.5 * pace * np.sin(angle))
     )
     u = np.array([pin.rnea(model, data, *x) for x in zip(q, v, a, strict=True)])
-    u += SIZE[:n] * (0.08 * np.tanh(v / 0.01) + 0.04 * v + more * v * np.abs(v))
+    u += SIZE[:n] * (0.08 * np.tanh(v / 0.01) + 0.04 * v + drag * v * np.abs(v) + offset)
     step = 4.0 * SIZE[:n] / 2**14
     u = np.round((u + 0.003 * SIZE[:n] * rng.standard_normal(u.shape)) * factors / step) * step
     q += 1e-6 * rng.standard_normal(q.shape)
@@ -67,10 +67,11 @@ def arm(folder: Path, axes: int) -> Machine:
     return Machine.load(folder)
 
 
-def asked(folder: Path, factors: list[float], drag: float = 0.0) -> Lacking:
-    """Return what the model of an arm lacks; ``drag``: of its second axis, with the square of the speed."""
-    more = drag * np.eye(3)[1, : len(factors)]
-    logs = [moved(np.array(factors), seed, more) for seed in (1, 2)]
+def asked(folder: Path, factors: list[float], drag: float = 0.0, offset: float = 0.0) -> Lacking:
+    """Return what the model of an arm lacks: a ``drag`` of its second axis, an ``offset`` of its third."""
+    n = len(factors)
+    more = drag * np.eye(3)[1, :n], offset * np.eye(3)[2, :n]
+    logs = [moved(np.array(factors), seed, *more) for seed in (1, 2)]
     return lacking(compare(arm(folder, len(factors)), logs, []))
 
 
@@ -95,6 +96,15 @@ def test_an_arm_whose_efforts_are_of_one_unit_has_none(
     assert said(asked(tmp_path, [1.0, 1.0, 1.0], drag)) == names
 
 
+def test_an_offset_that_disagrees_with_other_axes_is_no_factor(tmp_path: Path) -> None:
+    found = asked(tmp_path, [1.0, 1.0, 1.0], offset=0.5)
+    first, *others = found.turns[0].ranked
+    assert (first.name, first.axis) == ("offset", "A3")
+    factor = next(x for x in others if (x.name, x.axis) == ("effort_scale", "A3"))
+    assert first.total > 2.0 * factor.total
+    assert said(found) == [("offset", "A3")]
+
+
 def test_of_two_axes_the_ratio_alone_is_known(tmp_path: Path) -> None:
     found = asked(tmp_path, [1.0, 0.7])
     assert [x.name for x in found.causes] == ["effort_scale"]
@@ -106,6 +116,6 @@ def test_one_axis_alone_says_nothing_of_a_factor(tmp_path: Path) -> None:
 
 
 def test_the_answer_says_what_the_log_has_of_the_effort(tmp_path: Path) -> None:
-    logs = [moved(np.array([1.0, 1.0, 0.52]), seed, np.zeros(3)) for seed in (1, 2)]
+    logs = [moved(np.array([1.0, 1.0, 0.52]), seed, np.zeros(3), np.zeros(3)) for seed in (1, 2)]
     found = diagnose(arm(tmp_path, 3), logs, closed_loop=False)
     assert "A3: scale of the effort amounts to 0.52 times its value" in headline(found)[0]

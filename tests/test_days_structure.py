@@ -66,6 +66,15 @@ def test_drag_is_missing_and_takes_its_numbers_from_no_friction_that_went_to_its
     assert found.causes[0].theta[0] == pytest.approx(120.0, rel=0.05)
 
 
+def test_a_cause_that_listed_friction_takes_up_is_as_large_as_it_is(ask: Ask) -> None:
+    """It closes half a per cent of the effort, and is two."""
+    found = ask(lambda t, q, v: 20.0 * v * np.abs(v))
+    assert said(found) == ["quadratic_drag"]
+    one = found.causes[0]
+    assert one.worth < one.ground.c.worth < one.size
+    assert one.theta[0] == pytest.approx(20.0, rel=0.2)
+
+
 def test_of_two_causes_each_is_found_beside_the_other(ask: Ask) -> None:
     found = ask(lambda t, q, v: 120.0 * v * np.abs(v) + 5.0 * np.cos(2.0 * np.pi * q / OTHER))
     assert sorted(said(found)) == ["quadratic_drag", "ripple"]

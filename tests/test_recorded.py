@@ -68,6 +68,21 @@ def _spoiled(log: pt.Log, kind: str, seed: int) -> pt.Log:  # noqa: C901, one ca
     return pt.Log(c)
 
 
+@pytest.mark.parametrize("kind", ["lost", "doubled", "held", "drawn", "jitter", "frozen"])
+def test_of_a_recording_at_fault_a_question_of_structure_names_no_cause(kind):
+    """What `check` proves comes before anything that the model may lack."""
+    found = pt.diagnose("trunnion", _spoiled(_log(3), kind, 1), quick=True)
+    assert KINDS[kind] in [x["fault"] for x in found.recording]
+    assert not found.effects
+    assert not found.possible
+    assert found.verdict == "unexplained"
+    assert found.sentence.startswith("The recording is at fault")
+
+
+def test_of_a_whole_recording_nothing_is_said():
+    assert not pt.diagnose("trunnion", _log(3), quick=True).recording
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_fault_of_the_recording_is_named(kind):
     codes = [f.code for f in pt.check("trunnion", _spoiled(_log(3), kind, 1)).findings]

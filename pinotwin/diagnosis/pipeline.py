@@ -19,7 +19,9 @@ from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.days.account import Account, alike, evidence
 from pinotwin.diagnosis.days.answer import diagnosed
+from pinotwin.diagnosis.days.recording import doubted, proven
 from pinotwin.diagnosis.days.structure import Lacking, lacking
+from pinotwin.diagnosis.phrases import recording_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
@@ -30,6 +32,7 @@ from pinotwin.errors import DataError, InputError
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
+from pinotwin.system.phrases import JUDGED
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_subject
@@ -104,21 +107,23 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
 
 def _by_structure(c: Comparison, shaken: Vibrations, tell: Tell, options: Mapping[str, Any]) -> Diagnosis:
     """Return the diagnosis by the effects of the catalogue, each held against what the twin's own may take up."""
-    leave_out, quick = options["leave_out"], options["quick"]
+    leave_out, faults = options["leave_out"], proven(c)
     tell("candidates", 0.15)
-    measured = second_encoders(c, np.random.default_rng([options["seed"], 4]))
-    found = lacking(c, leave_out, partial(admitted, measured), 1 if quick else MOST)
+    measured = {} if faults else second_encoders(c, np.random.default_rng([options["seed"], 4]))
+    most = 0 if faults else 1 if options["quick"] else MOST
+    found = lacking(c, leave_out, partial(admitted, measured), most)
     tell("how sure", 0.8)
     account = Account(found)
     noise, kind = noise_levels(c)
     gaps = gap_table(c, account.together, noise)
     levels = {j: gaps[c.machine.names[j]]["u"].rms for j in c.new.joints}
     named = with_encoders(account.found(levels), measured, leave_out)
-    limited = limits(c, leave_out) if options["closed_loop"] else []
+    limited = limits(c, leave_out) if options["closed_loop"] and not faults else []
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
     others |= {x: {"v": g} for x, g in shaken.gaps.items()}
     named = at_one_gap([*named, *limited, *shaken.effects], others)
-    return _with_encoders(_concluded(c, found, account, gaps, kind, named), measured)
+    told = _with_encoders(_concluded(c, found, account, gaps, kind, named), measured)
+    return _with_faults(told, faults) if faults else told
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
@@ -131,6 +136,14 @@ def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
     where = [r for seen in measured.values() for r in seen.where]
     notes = [n for seen in measured.values() for n in seen.notes]
     return replace(d, gap=gap, where=[*d.where, *where], advice=[*d.advice, *notes])
+
+
+def _with_faults(d: Diagnosis, faults: Sequence[Mapping[str, Any]]) -> Diagnosis:
+    """Return the diagnosis of a recording that is at fault: nothing is said of the machine."""
+    sentence = JUDGED["recording"].format(faults=recording_words(faults))
+    return replace(
+        d, sentence=sentence, recording=faults, unexplained={k: {"u": 1.0} for k in doubted(faults, d.gap)}
+    )
 
 
 def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any
@@ -127,10 +127,10 @@ class Account:
 
 def evidence(found: Lacking) -> list[dict[str, Any]]:
     """Return the rows of the first turn, each with its probability when its axis was asked."""
-    ranked = [x for x in found.turns[0].ranked if not isinstance(x.effect, Pattern)]
+    ranked = [x for turn in found.turns[:1] for x in turn.ranked if not isinstance(x.effect, Pattern)]
     chance = {(x.name, x.axis): p for turn in found.named[::-1] for x, p in turn.probabilities()}
     out = []
-    for x in (x for x in ranked if x.worth > found.start.c.worth):
+    for x in (x for x in ranked if x.size > found.start.c.worth):
         p = chance.get((x.name, x.axis), 0.0)
         near = [y for y in ranked if chance.get((y.name, y.axis), 0.0) > p * np.exp(-SETTINGS.number)]
         out.append(plain_row(replace(x.row(), p=p, alike=[y.name for y in near if kin(x, y)]), x.axis))
@@ -185,21 +185,20 @@ def _ratios(turn: Turn, one: Lack) -> list[Lack]:
 def _found(x: Told, levels: Mapping[int, float]) -> Found:
     one, names = x.one, x.one.ground.c.machine.names
     acts = {names[j]: closed.shrink(levels[j], names[j]) for j, closed in x.closed.items()}
-    effect = None if one.effect is None else named(one.effect)
-    shape = (
-        {}
-        if effect is None
-        else dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
-    )
     sizes = sizes_of(x.sized)
-    for s in sizes:
-        if s.name.endswith(".resonance"):
-            shape["resonance"] = s.after
     if one.effect is None:
-        theta = {f"f{k}": -f for k, f in enumerate(_forces(one))}
+        effect, theta = None, {f"f{k}": -f for k, f in enumerate(_forces(one))}
         shape = {f"start{k}": a for k, (a, _) in enumerate(one.spans)}
     else:
-        theta = dict(zip((c.name for c in one.effect.coefficients()), x.sized.theta.tolist(), strict=True))
+        effect, coefficients = named(one.effect), one.effect.coefficients()
+        theta = dict(zip((c.name for c in coefficients), x.sized.theta.tolist(), strict=True))
+        shape = dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
+        shape.update(("resonance", s.after) for s in sizes if s.name.endswith(".resonance"))
+    rivals = [
+        rival(r.name, r.axis, p, r.share, r.total)
+        for r, p in x.turn.probabilities()
+        if p > 0.005 and not isinstance(r.effect, Pattern) and (r.name, r.axis) != (one.name, one.axis)
+    ]
     return Found(
         effect=one.name,
         axis=one.axis,
@@ -207,21 +206,12 @@ def _found(x: Told, levels: Mapping[int, float]) -> Found:
         shape=shape,
         theta=theta,
         shrink={"u": acts[names[one.joint]]},
-        alternatives=_rivals(x),
+        alternatives=rivals[:5],
         gain=one.total,
         size=sizes,
         listed=effect,
         acts=acts,
     )
-
-
-def _rivals(x: Told) -> Sequence[Mapping[str, Any]]:
-    """Return other effects with their probability, the most probable first."""
-    return [
-        rival(r.name, r.axis, p, r.share, r.total)
-        for r, p in x.turn.probabilities()
-        if p > 0.005 and not isinstance(r.effect, Pattern) and (r.name, r.axis) != (x.one.name, x.one.axis)
-    ][:5]
 
 
 def sizes_of(one: Lack) -> list[Size]:

@@ -24,6 +24,7 @@ from pinotwin.diagnosis.days.changed import changed
 from pinotwin.diagnosis.days.courses import spells
 from pinotwin.diagnosis.days.decision import trained
 from pinotwin.diagnosis.days.judge import Judged, Named, judge
+from pinotwin.diagnosis.days.recording import doubted, entry, proven
 from pinotwin.diagnosis.days.reference import SEVERAL, Reference, reference
 from pinotwin.diagnosis.days.row import ALL, Question, Row
 from pinotwin.diagnosis.days.stretch import Stretch, stretches
@@ -33,7 +34,6 @@ from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Tra
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.diagnosis.signals.tracking import Tracked, tracked
 from pinotwin.dynamics.parameters import BODY_NAMES
-from pinotwin.logs.quality.results import Finding
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.system.phrases import JUDGED
@@ -42,7 +42,6 @@ SHOWN = {"plant": "u", "law": "e", "encoders": "ql"}
 """Equation -> signal in which its residual is stated."""
 BEGINS = ("friction_since", "friction_at_start", "zero_since", "")
 """Rows that act for a while, and (without a name) what is open: when is measured by their own columns."""
-PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "command_jitter", "frozen")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ class Answer:
         self.c, self.r, self.judged, self.new, self.valid = c, r, judged, new, valid
         self.recorded = [x for x in judged.named if x.row.group == "recording"]
         self.named = [x for x in judged.named if x.row.group != "recording"]
-        self.proofs = _proofs(c)
+        self.proofs = proven(c)
         self.closed = {k: self._closed(k) for k in r.axes}
         self.together = {k: reduce(Closed.beside, [x for _, x in y]) for k, y in self.closed.items() if y}
         self.noise, self.kind = noise_levels(c)
@@ -293,13 +292,10 @@ class Answer:
 
     def recording(self) -> list[dict[str, Any]]:
         """Return the faults of the recording, what `check` proves first: from when to when [s], and how large."""
-        t = self.c.logs[0].log["t"]
-        whole = {"from": float(t[0]), "to": float(t[-1]), "size": None, "unit": None, "confidence": 1.0}
-        proven = [(f, dict(zip(("from", "to"), f.span, strict=False))) for f in self.proofs]
-        out = [{"fault": f.code, "axis": f.axis or None, **whole, **when} for f, when in proven]
+        out = list(self.proofs)
         for row, p in ((x.row, x.probability) for x in self.recorded):
             at = Place(self.r, axis_of(row, self.r), self.new.stretches)
-            one = {"fault": row.name, "axis": row.axis if row.axis != ALL else None, **whole, "confidence": p}
+            one = entry(self.c, row.name, row.axis if row.axis != ALL else None, p)
             for k, a, b in row.spans[:1]:
                 one |= {"from": float(at.logs[k].motion.t[0] + a), "to": float(at.logs[k].motion.t[0] + b)}
             if np.isfinite(row.theta):
@@ -318,8 +314,11 @@ class Answer:
         for x in self.recorded:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
-        proven = [x for f in self.proofs for x in (f.axis.split(", ") if f.axis else self.r.axes)]
-        for name in [*proven, *self.unjudged, *(x for x in self.c.gate.silent if x in self.gaps)]:
+        for name in [
+            *doubted(self.proofs, self.r.axes),
+            *self.unjudged,
+            *(x for x in self.c.gate.silent if x in self.gaps),
+        ]:
             out.setdefault(name, {})["u"] = 1.0
         return out
 
@@ -340,12 +339,6 @@ class Answer:
         return [JUDGED["none"], *([seen] if seen else [])]
 
 
-def _proofs(c: Comparison) -> list[Finding]:
-    """Return what `check` proves of the recording by its rows alone, and not of the twin's own, once an axis."""
-    news = set(PROOFS).difference(*(x.get("recorded", ()) for x in c.twin.data))
-    return list({(f.code, f.axis): f for one in c.logs for f in one.doubts if f.code in news}.values())
-
-
 def _judged(
     c: Comparison, r: Reference, new: _Rows, valid: _Rows | None, options: Mapping[str, Any]
 ) -> Judged:
@@ -360,7 +353,7 @@ def _judged(
         shown = told and effect not in options["leave_out"] and (asked or not servo)
         return row.group == "describe" or shown
 
-    if _proofs(c):
+    if proven(c):
         return Judged([], False, None, [], {}, [])
     q = replace(Question.of(r, new.stretches, valid.stretches if valid else ()), worth=c.worth)
     return judge(q, trained(), options["false_alarm"], admits, 1 if options["quick"] else 4)

@@ -19,7 +19,7 @@ def coupled(g: Ground, j: int) -> tuple[Ground, Tables, float]:
     """Return the ground of an axis by what others know of it, the effort that they foretell, and a price.
 
     The price is by how much all logs are likelier by the numbers of all axes together [nats]: without a factor they
-    are those of one machine.
+    are those of one machine. That they are less likely is no gain of a factor: any cause on an axis makes them so.
     """
     turn, gram = g.shared
     wide, others = USUAL.wide * g.noise[j][0], [k for k in g.parts if k != j]
@@ -36,7 +36,7 @@ def coupled(g: Ground, j: int) -> tuple[Ground, Tables, float]:
     out.settle(j)
     likelier = _density(g, every, list(g.parts)) - _density(g, off, others) - out.base[j].density
     theta = off + np.pad(g.c.twin.theta, (0, len(off) - len(g.c.twin.theta)))
-    return out, [{j: (X @ theta)[:, None]} for X in columns], likelier
+    return out, [{j: (X @ theta)[:, None]} for X in columns], max(likelier, 0.0)
 
 
 def _spread(X: Floats, turn: Floats, known: Floats, least: float) -> Floats:

@@ -417,8 +417,8 @@ class Ground:
         return max(share, misfit / max(self.samples[0].size(j), 1e-300))
 
     def loud(self, j: int) -> bool:
-        """Whether a joint leaves as much as the least cause that acts all the time, and the misfit beside it."""
-        return self.open(j) > np.hypot(self.least(j, 0.0), self.least(j, self.c.worth))
+        """Whether a joint leaves more than any model does, and the misfit beside it."""
+        return self.open(j) > np.hypot(self.least(j, 0.0), self.least(j, USUAL.floor))
 
     def open(self, j: int) -> float:
         """Return what is left of a joint over the variation of its effort, RMS [1]."""

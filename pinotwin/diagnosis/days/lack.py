@@ -21,6 +21,7 @@ from pinotwin.diagnosis.payload import possible as body_can_be
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
+from pinotwin.signals import rms
 
 BODIES = ("inertial_coupling", "wrist_coupling", "payload", "geometric_error")
 """A load shows on the axis that lifts it, whichever carries it."""
@@ -96,25 +97,40 @@ class Lack:
         return self.ground.open(self.joint) * float(np.sqrt(max(self.share, 0.0)))
 
     @property
-    def loud(self) -> float:
-        """The same while pushes act, of all other causes on all rows [1]."""
-        acts = self.tables[0][self.joint].any(axis=1) if self.searched else np.ones(1)
-        return self.worth / float(np.sqrt(np.mean(acts)))
+    def size(self) -> float:
+        """RMS of what it adds to the effort while it acts, over the variation of that [1].
+
+        The twin's own numbers take up most of some causes: they close little, and are as large on other motions. What
+        special cases of it do that the machine lists is not its own. A pattern is as large as what it closes.
+        """
+        if isinstance(self.effect, Pattern):
+            return self.worth
+        X, course = self.ground.columns(0, self.joint), self.tables[0][self.joint] @ self.theta
+        course -= X[:, self.listed] @ np.linalg.lstsq(X[:, self.listed], course, rcond=1e-9)[0]
+        acts = course != 0.0 if self.searched else slice(None)
+        return rms(course[acts]) / max(self.ground.samples[0].size(self.joint), 1e-300)
+
+    @cached_property
+    def listed(self) -> list[int]:
+        """Free columns of the twin's effects that are special cases of this one, as viscous friction of warming."""
+        if self.effect is None or self.ground.c.change:
+            return []
+        twin, e = self.ground.c.twin, named(self.effect)
+        parts_ = {*e.contains, *(x.name for x in parts(self.effect)[:-1])}
+        pairs = zip(twin.effects, twin.slices, strict=True)
+        return [k for x, s in pairs if x.axis == e.axis and x.name in parts_ for k in range(s.start, s.stop)]
 
     @cached_property
     def numbers(self) -> tuple[Floats, Floats, Floats]:
         """Numbers before and after, shape (p,) each, and the covariance of those after, shape (p, p).
 
-        Those of a machine's effects that are special cases of this one are in it: viscous friction in warming.
+        Those of a machine's effects that are special cases of this one are in it.
         """
         assert self.effect is not None
-        g, twin, e = self.ground, self.ground.c.twin, named(self.effect)
+        g, twin, own = self.ground, self.ground.c.twin, self.listed
         if g.c.change:
             before = known(twin, self.effect)
             return before, before + self.theta, self.fit.covariance
-        parts_ = {*e.contains, *(x.name for x in parts(self.effect)[:-1])}
-        pairs = zip(twin.effects, twin.slices, strict=True)
-        own = [k for x, s in pairs if x.axis == e.axis and x.name in parts_ for k in range(s.start, s.stop)]
         found = g.instead(self.joint, self.tables[0][self.joint], own) if own else None
         if found is None:
             return np.zeros(len(self.theta)), self.theta, self.fit.covariance

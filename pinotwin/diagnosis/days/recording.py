@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.samples import left_of
 from pinotwin.diagnosis.days.evidence import Left, cells
 from pinotwin.diagnosis.days.reference import Reference
@@ -23,6 +25,28 @@ Told = Mapping[str, Mapping[str, Cells]]
 """Axis -> equation -> cells."""
 POWERS = {"v": -1, "a": -2, "j": -3, "s": -4, "du": -1, "vr": -1, "ar": -2, "jr": -3, "ie": 1}
 """Channel -> power of the clock's scale that it has."""
+PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "command_jitter", "frozen")
+
+
+def proven(c: Comparison) -> list[dict[str, Any]]:
+    """Return what `check` proves of the recording by its rows alone, and not of a twin's own logs, once an axis."""
+    own = [x.get("recorded", ()) for x in c.twin.data if c.change]
+    news = set(PROOFS).difference(*own)
+    found = {(f.code, f.axis): f for one in c.logs for f in one.doubts if f.code in news}.values()
+    spans = [dict(zip(("from", "to"), f.span, strict=False)) for f in found]
+    return [entry(c, f.code, f.axis or None, 1.0) | span for f, span in zip(found, spans, strict=True)]
+
+
+def entry(c: Comparison, fault: str, axis: str | None, confidence: float) -> dict[str, Any]:
+    """Return a fault of the recording in the form of the contract: of the whole log [s], its size not known."""
+    t = c.logs[0].log["t"]
+    whole = {"from": float(t[0]), "to": float(t[-1]), "size": None, "unit": None}
+    return {"fault": fault, "axis": axis, **whole, "confidence": confidence}
+
+
+def doubted(recording: Sequence[Mapping[str, Any]], axes: Collection[str]) -> list[str]:
+    """Return the axes that faults of the recording are about: of the whole log all."""
+    return [x for fault in recording for x in (fault["axis"].split(", ") if fault["axis"] else axes)]
 
 
 def recording_rows(asked: Asked) -> list[Row]:

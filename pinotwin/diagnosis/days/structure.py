@@ -184,7 +184,7 @@ class Turn:
         That something is there, its score says: the probability is that of the name.
         """
         one = self.taken
-        every = [x for x in self.rivals if one and x.joint == one.joint and x.worth > self.ground.c.worth]
+        every = [x for x in self.rivals if one and x.joint == one.joint and x.size > self.ground.c.worth]
         every = [x for x in every if x is one or not isinstance(x.effect, Curve)]
         # A twin's own logs tell how many rows count as one.
         width = WIDTH if self.ground.past is None else 1.0
@@ -249,14 +249,14 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
         others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
         closes = max(LEAST, rest * max(others, default=0.0) if x.searched else 0.0)
         least = g.least(x.joint, least_share("time" if x.searched and g.past is None else "form", g.c.worth))
-        return x.total > BAR and x.loud > least and x.worth > form and x.share > closes
+        return x.total > BAR and x.size > least and x.worth > form and x.share > closes
 
     new = [x for x in ranked if (x.name, x.axis) not in known or (x.effect and named(x.effect).several)]
     able = [x for x in new if stands(x)]
     able = [x for x in able if x.joint == able[0].joint]
     if able and isinstance(able[0].effect, Curve):
-        least = 0.5 * able[0].share
-        able = [x for x in able if not isinstance(x.effect, Curve) and x.share > least] or able
+        named_ = [x for x in new if x.joint == able[0].joint and not isinstance(x.effect, Curve)]
+        able = [x for x in named_ if x.total > BAR and x.share > 0.5 * able[0].share] or able
 
     def plain(x: Lack) -> tuple[int, int]:
         last = g.c.machine.names.index(x.axis) if x.name == "payload" else 0
