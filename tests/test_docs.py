@@ -86,15 +86,16 @@ def test_links_and_pictures_exist(page):
 
 
 def test_yaml_examples_have_known_keys():
-    from pinotwin.machine.loading import AXIS_KEYS, KEYS
+    from pinotwin.machine.parts import Axis, MachineFile
+    from pinotwin.system.reading import kinds_of
 
     specs = [(page.name, yaml.safe_load(text)) for page in PAGES for text in blocks(page, "yaml")]
     whole = [(page, spec) for page, spec in specs if "axes" in spec]
     assert whole
     for page, spec in whole:
-        assert set(spec) <= set(KEYS), page
+        assert set(spec) <= set(kinds_of(MachineFile)), page
         for axis in spec["axes"].values():
-            assert set(axis) <= set(AXIS_KEYS), page
+            assert set(axis) <= set(kinds_of(Axis)), page
 
 
 def test_effects_page_is_what_the_effects_say():
