@@ -26,7 +26,7 @@ def contradictions(d: Diagnosis) -> list[str]:
 
 def _states(d: Diagnosis) -> Iterator[str]:
     words, said = STATES[d.situation], d.to_dict()["state"]
-    chips, cards = dict(states(d, most=len(d.gap))), axis_cards(d).text
+    chips, cards = dict(states(d, most=len(d.gap))), str(axis_cards(d))
     terminal = next(x for x in summary(d) if x.startswith("axes: ")).removeprefix("axes: ")
     for axis in d.gap:
         state, word = d.state(axis), words[d.state(axis)]
@@ -67,7 +67,7 @@ def _sentences(d: Diagnosis) -> Iterator[str]:
 
 def _numbers(d: Diagnosis) -> Iterator[str]:
     """A residual is the same number in the sentence, on the card and in the terminal."""
-    cards, rows, lines = html.unescape(axis_cards(d).text), gap_lines(d)[1:], headline(d)
+    cards, rows, lines = html.unescape(str(axis_cards(d))), gap_lines(d)[1:], headline(d)
     big = re.findall(r'<div class="big[^>]*>([^<]*)</div>', cards)
     signals = [(axis, signal, g) for axis, row in d.gap.items() for signal, g in row.items()]
     for (axis, signal, g), shown, row in zip(signals, big, rows, strict=True):
@@ -81,7 +81,7 @@ def _numbers(d: Diagnosis) -> Iterator[str]:
 
 def _expected(d: Diagnosis) -> Iterator[str]:
     """What is expected of a residual is one number, and its grade and sentence agree with it."""
-    cards, rows = html.unescape(axis_cards(d).text).split("<h3>")[1:], gap_lines(d)[1:]
+    cards, rows = html.unescape(str(axis_cards(d))).split("<h3>")[1:], gap_lines(d)[1:]
     signals = [(axis, signal, g) for axis, row in d.gap.items() for signal, g in row.items()]
     for (axis, signal, g), row in zip(signals, rows, strict=True):
         shown = scale_of(signal, rotary_axes(d).get(axis, False), g.rms).text(g.level)

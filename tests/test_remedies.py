@@ -25,8 +25,8 @@ from pinotwin.columns import AXIS_SIGNALS, Column
 from pinotwin.effects import EFFECTS, LISTED
 from pinotwin.log import Log
 from pinotwin.logs.check import check
-from pinotwin.machine.loading import AXIS_KEYS, KEYS
-from pinotwin.machine.parts import DataSettings, Imu, LoopShape, Passive
+from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, MachineFile, Passive
+from pinotwin.system.reading import kinds_of
 from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
@@ -78,7 +78,7 @@ def options(command: str) -> frozenset[str]:
 @functools.cache
 def keys() -> frozenset[str]:
     """Return every key that machine.yaml may hold."""
-    out = {*KEYS, *AXIS_KEYS, *LISTED}
+    out = {*kinds_of(MachineFile), *kinds_of(Axis), *LISTED}
     for kind in (Column, DataSettings, Imu, LoopShape, Passive, *EFFECTS.values()):
         out |= {f.metadata.get("yaml", f.name) for f in dataclasses.fields(kind)}
     return frozenset(out)

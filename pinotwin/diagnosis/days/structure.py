@@ -241,13 +241,13 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
     known = {(x.name, x.axis) for x in told}
     rest = 1.0 + SETTINGS.trace**2
 
-    def stands(x: Lack) -> bool:
+    def stands(x: Lack, share: float = LEAST) -> bool:
         form = SETTINGS.trace * max((y.worth for y in told if y.joint == x.joint), default=0.0)
         if x.count <= FEW:
             form *= float(np.sqrt(np.clip(1.0 - x.share, 0.0, 1.0)))
         # pushes must close more than anything that comes with the motion
         others = [y.share for y in ranked if y.joint == x.joint and y is not x and y.total > 0.0]
-        closes = max(LEAST, rest * max(others, default=0.0) if x.searched else 0.0)
+        closes = max(share, rest * max(others, default=0.0) if x.searched else 0.0)
         least = g.least(x.joint, least_share("time" if x.searched and g.past is None else "form", g.c.worth))
         return x.total > BAR and x.size > least and x.worth > form and x.share > closes
 
@@ -255,8 +255,8 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
     able = [x for x in new if stands(x)]
     able = [x for x in able if x.joint == able[0].joint]
     if able and isinstance(able[0].effect, Curve):
-        named_ = [x for x in new if x.joint == able[0].joint and not isinstance(x.effect, Curve)]
-        able = [x for x in named_ if x.total > BAR and x.share > 0.5 * able[0].share] or able
+        causes = [x for x in new if x.joint == able[0].joint and not isinstance(x.effect, Curve)]
+        able = [x for x in causes if stands(x, 0.5 * able[0].share)] or able
 
     def plain(x: Lack) -> tuple[int, int]:
         last = g.c.machine.names.index(x.axis) if x.name == "payload" else 0
