@@ -97,6 +97,14 @@ def test_a_whole_log_has_none(seed):
     assert not codes & set(KINDS.values())
 
 
+@pytest.mark.parametrize("step", [0.03, 0.1])
+def test_a_log_too_slow_for_its_motion_has_no_scattered_command(step):
+    log = _log(3)
+    every = round(step / float(np.median(np.diff(log.t))))
+    rows = pt.Log({k: log[k][::every] for k in log.channels})
+    assert "command_jitter" not in [f.code for f in recorded_findings(rows, ["Y", "A", "C"])]
+
+
 def test_a_coarse_effort_that_stands_at_constant_speed_is_not_frozen():
     t = np.arange(0.0, 20.0, 2e-3)
     v = np.clip(2.0 * np.sin(0.8 * t), -1.0, 1.0)  # constant speed for most of the time

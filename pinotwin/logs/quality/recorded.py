@@ -92,12 +92,12 @@ def drawn_rows(x: Floats) -> float:
 def command_scatter(t: Floats, command: Floats) -> float:
     """Return the scatter of a command's steps from row to row over a step [1]; 0 where a clock tells nothing of it.
 
-    A fifth difference passes what changes from row to row, and hardly anything of a motion.
+    A fifth difference passes what changes from row to row; of a motion hardly anything, but in a slow log.
     """
     step, size = np.diff(t), np.abs(np.diff(command))
     pace = median_filter(size, 7, mode="nearest")[2:-2]
     rows = pace > 0.1 * np.quantile(size, 0.99)
-    if np.ptp(step) > 0.1 * np.median(step) or rows.sum() < 20:
+    if np.median(step) > 1.0 / USUAL.slow_rate or np.ptp(step) > 0.1 * np.median(step) or rows.sum() < 20:
         return 0.0
     bend = np.abs(np.diff(command, 5))[rows] / pace[rows]
     return float(np.median(bend) / (0.6745 * np.sqrt(252.0)))
