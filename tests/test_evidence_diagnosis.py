@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.evidence import counts
+from benchmarks.evidence import counts, store
 from benchmarks.evidence.answers import Given, Runs, effects
-from benchmarks.evidence.diagnosis import GIVEN, PARTS, Line, figures_of, measured
+from benchmarks.evidence.diagnosis import GIVEN, PARTS, Line, figures_of, keep, measured
 from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench import scoring
 
@@ -204,6 +204,16 @@ def test_friction_with_the_load_that_became_an_asymmetry_is_no_question_asked_tw
     row = {"what": "diagnose", "seed": 7, "kind": "coulomb_asymmetric", "first": False, "named": []}
     given = Given.read([asked(tmp_path / "c", row, {**row, "first": True})])
     assert [r.get("asked") for r in given.rows] == [None, "load_friction"]
+
+
+def test_a_line_that_was_not_measured_stays_as_it_was(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(store, "FILE", tmp_path / "figures.json")
+    monkeypatch.setattr(store, "PAGE", tmp_path / "figures.md")
+    row = {"value": 0.05, "counts": "", "which": "", "command": "asked", "date": "then", "commit": "0"}
+    keep({"calibration": row})
+    before = store.read()["diagnosis"]["figures"]["calibration"]
+    keep({"promised": row})
+    assert store.read()["diagnosis"]["figures"]["calibration"] == before
 
 
 def test_every_line_has_a_name_of_its_own():

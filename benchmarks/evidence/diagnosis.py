@@ -394,10 +394,11 @@ def keep(kept: Mapping[str, Row]) -> None:
     """Write the part of figures.json; a line that was not measured now stays as it was, with its own date."""
     names = {name for part in PARTS.values() for name in part.lines} - kept.keys()
     before = store.read().get("diagnosis", {"figures": {}})["figures"]
+    others = [Figure(**{"unit": "", **before[name]}) for name in before if name in names]
     store.keep(
         "diagnosis",
         inspect.cleandoc(__doc__ or ""),
-        [*figures_of(kept), *(Figure(**before[name]) for name in before if name in names)],
+        [*figures_of(kept), *others],
         command="python -m benchmarks.evidence.diagnosis",
         seeds="those of the command beside each figure",
     )
