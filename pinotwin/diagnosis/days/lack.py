@@ -96,7 +96,7 @@ class Lack:
         """RMS of what it closes over the variation of the effort [1]."""
         return self.ground.open(self.joint) * float(np.sqrt(max(self.share, 0.0)))
 
-    @property
+    @cached_property
     def size(self) -> float:
         """RMS of what it adds to the effort while it acts, over the variation of that [1].
 
@@ -105,8 +105,8 @@ class Lack:
         """
         if isinstance(self.effect, Pattern):
             return self.worth
-        X, course = self.ground.columns(0, self.joint), self.tables[0][self.joint] @ self.theta
-        course -= X[:, self.listed] @ np.linalg.lstsq(X[:, self.listed], course, rcond=1e-9)[0]
+        X, course = self.ground.own[0][self.joint][:, self.listed], self.tables[0][self.joint] @ self.theta
+        course -= X @ np.linalg.lstsq(X, course, rcond=1e-9)[0]
         acts = course != 0.0 if self.searched else slice(None)
         return rms(course[acts]) / max(self.ground.samples[0].size(self.joint), 1e-300)
 
