@@ -326,7 +326,7 @@ def figures_of(kept: Mapping[str, Row]) -> list[Figure]:
     for name, about, line in (x for x in lines if x[0] in kept):
         row = kept[name]
         source = f"{row['command']}; {row['date']}, {row['commit']}"
-        said = (line.judged(row["value"]), row["which"], source if source != before else "as above")
+        said = (line.judged(row["value"]), row["which"], source if source != before else "")
         before = source
         hits, _, of = row["counts"].partition(" of ")
         value, whole = (float(hits), int(of)) if of else (row["value"], None)
@@ -400,7 +400,7 @@ def keep(kept: Mapping[str, Row]) -> None:
         inspect.cleandoc(__doc__ or ""),
         [*figures_of(kept), *others],
         command="python -m benchmarks.evidence.diagnosis",
-        seeds="those of the command beside each figure",
+        seeds="those of the command beside each figure, or the one above it",
     )
 
 

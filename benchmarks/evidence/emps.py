@@ -35,7 +35,7 @@ def figures() -> list[Figure]:
         out.append(
             Figure(
                 name, f"{name}, the other half simulated", 0.5 * (a + b), low=min(a, b), high=max(a, b),
-                published=published, note="published on the log that was fitted",
+                published=published, note="" if out else "published on the log that was fitted",
             )
         )  # fmt: skip
         out.append(

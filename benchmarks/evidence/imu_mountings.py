@@ -37,7 +37,7 @@ def _of(kind: str, name: str, x: bench.Summary, cases: int) -> list[Figure]:
         f"{kind}_{name}",
         f"beyond {size * bench.LIMITS[name]:g} {unit}".strip(),
     )
-    covered = "95 % intervals that hold the truth"
+    covered = "95 % coverage"
     return [
         Figure(full, f"{what}, worst", size * x.worst, unit, "development"),
         Figure(f"{full}_rms", f"{what}, RMS", size * x.rms, unit, "development"),

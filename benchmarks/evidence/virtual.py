@@ -45,17 +45,17 @@ def measure(
     """
     believed = pt.Machine.load(name) if machine is None else machine
     rows = {law: [_errors(_virtual(name, law), seed, record, believed) for seed in SEEDS] for law in LAWS}
-    out = [_figure("all", "every law and seed", [x for r in rows.values() for x in r], published)]
+    what, every = "mean of e and u of all axes, every law and seed", [x for r in rows.values() for x in r]
+    out = [_figure("all", what, every, published, note="the source's is of its real machine")]
     for law, found in rows.items():
-        out.append(_figure(law, LAWS[law], found, published))
+        out.append(_figure(law, f"the same, {LAWS[law]}", found, published))
     floors = [_floor(_virtual(name, law), seed) for law in LAWS for seed in SEEDS]
-    what = "two runs of the true machine on the unseen command, other noise and scatter of friction"
+    what = "two runs of the true machine, other noise and scatter of friction"
     out.append(Figure("floor", what, float(np.median(floors)), low=min(floors), high=max(floors)))
-    every = [row for r in rows.values() for row in r]
     for axis in every[0]:
         for signal in "eu":
             values = [100.0 * row[axis][signal]["nrmse"] for row in every]
-            what = f"{signal} of {axis}, every law and seed"
+            what = f"{signal} of {axis}"
             out.append(
                 Figure(f"{axis}_{signal}", what, float(np.median(values)), low=min(values), high=max(values))
             )
@@ -92,9 +92,9 @@ def missed(twin: pt.Twin, unseen: pt.Log) -> dict:  # type: ignore[type-arg]
     return compare(twin.machine, unseen, twin.simulate(command))
 
 
-def _figure(name: str, what: str, rows: list, published: float) -> Figure:  # type: ignore[type-arg]
+def _figure(name: str, what: str, rows: list, published: float, note: str = "") -> Figure:  # type: ignore[type-arg]
     means = [100.0 * float(np.mean([row[a][s]["nrmse"] for a in row for s in "eu"])) for row in rows]
     return Figure(
-        name, f"mean of e and u of all axes, {what}", float(np.median(means)), low=min(means), high=max(means),
-        published=published, note="the source's is of its real machine",
+        name, what, float(np.median(means)), low=min(means), high=max(means),
+        published=published, note=note,
     )  # fmt: skip
