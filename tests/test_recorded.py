@@ -77,6 +77,7 @@ def test_of_a_recording_at_fault_a_question_of_structure_names_no_cause(kind):
     assert not found.possible
     assert found.verdict == "unexplained"
     assert found.sentence.startswith("The recording is at fault")
+    assert all(np.array_equal(x.before, x.after) for x in found.traces)  # no page draws a cause
 
 
 def test_of_a_whole_recording_nothing_is_said():

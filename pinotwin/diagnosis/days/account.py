@@ -117,7 +117,8 @@ class Account:
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the named causes, by axis and log."""
         c, parts = self.start.c, self.start.parts.items()
-        each = [c.traces(c.machine.names[j], p.t, p.left, self.rest.left(j)) for j, (p, *_) in parts]
+        after = {j: self.rest.left(j) if j in self.together else p.left for j, (p, *_) in parts}
+        each = [c.traces(c.machine.names[j], p.t, p.left, after[j]) for j, (p, *_) in parts]
         return [x for axis in each for x in axis]
 
     def pushed(self) -> list[Region]:

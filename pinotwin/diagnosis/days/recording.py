@@ -30,8 +30,7 @@ PROOFS = ("rows_lost", "rows_doubled", "rows_held", "interpolated", "command_jit
 
 def proven(c: Comparison) -> list[dict[str, Any]]:
     """Return what `check` proves of the recording by its rows alone, and not of a twin's own logs, once an axis."""
-    own = [x.get("recorded", ()) for x in c.twin.data if c.change]
-    news = set(PROOFS).difference(*own)
+    news = set(PROOFS).difference(*(x.get("recorded", ()) for x in c.twin.data if c.change))
     found = {(f.code, f.axis): f for one in c.logs for f in one.doubts if f.code in news}.values()
     spans = [dict(zip(("from", "to"), f.span, strict=False)) for f in found]
     return [entry(c, f.code, f.axis or None, 1.0) | span for f, span in zip(found, spans, strict=True)]
