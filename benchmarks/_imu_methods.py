@@ -29,10 +29,10 @@ from pinotwin.imu.align import fit_rotation, mounting_from_rates
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.ekf import EkfSettings, ekf
 from pinotwin.imu.filters import group_delay, high_passed
-from pinotwin.imu.noise import rest
 from pinotwin.imu.orientation import Method, orientation
 from pinotwin.imu.result import joint_frame
 from pinotwin.imu.runs import ImuRun, ServoRun
+from pinotwin.imu.whiten import rest
 from pinotwin.reconstruction.result import Sensor, SensorRun
 from pinotwin.signals import rms
 

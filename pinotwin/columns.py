@@ -20,7 +20,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest, some
-from pinotwin.log import JOINT_SIGNALS, Log, split_unit
+from pinotwin.log import JOINT_SIGNALS, ONE_UNIT, Log, split_unit
 from pinotwin.units import COUNTS, ELECTRICAL, SI_FACTOR, UNUSED, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
@@ -84,13 +84,12 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
                 used.add(source)
                 notes += said
     _brought_together(channels, columns, scale)
-    for held, name, unit in _passing(log, channels, used):
+    for held, name in _passing(log, channels, used):
         used.add(held)
-        scale[name] = (_si(unit, name, log), 0.0)
-        _refuse_counts(unit, 1.0, name, log)
-        units[name] = unit
-        channels[name] = _scaled(log[held], *scale[name])
-        notes += [f"{name}: the file states {unit}, converted to SI"] if scale[name][0] != 1.0 else []
+        channels[name], units[name], scale[name], _ = _mapped(log, name, Column(held), held)
+        notes += (
+            [f"{name}: the file states {units[name]}, converted to SI"] if scale[name] != ONE_UNIT else []
+        )
         notes += [f"{name}: taken from {held}"] if held != name else []
     if not channels:
         raise LogError(
@@ -101,18 +100,12 @@ def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ())
     for name in [name for name, column in columns.items() if column.law]:
         with suppress(LogError) if name in optional else nullcontext():
             channels[name], units[name], scale[name] = _by_law(log, channels, name, columns[name])
-    notes += _unused_dropped(channels, columns)
+    unused = [name for name in channels if name in columns and columns[name].unit in UNUSED]
+    notes += [f"{name}: {UNUSED[columns[name].unit]}" for name in unused]
+    channels = {name: x for name, x in channels.items() if name not in unused}
     left = [name for name in log.channels if name not in used]
     notes += [f"not mapped and left out: {some(left)}"] if left else []
     return _sized(Log(channels, log.source, log.scalars, tuple(notes), units, scale), columns)
-
-
-def _unused_dropped(channels: dict[str, Floats], columns: Mapping[str, Column]) -> list[str]:
-    """Drop the efforts that are none of the motor's, and return what to say of them."""
-    unused = [name for name in channels if name in columns and columns[name].unit in UNUSED]
-    for name in unused:
-        del channels[name]
-    return [f"{name}: {UNUSED[columns[name].unit or '']}" for name in unused]
 
 
 def unsized(log: Log) -> dict[str, str]:
@@ -154,20 +147,23 @@ def _mapped(
     unit = mapped or log.units.get(source, "1")
     if mapped and stated is not None and SI_FACTOR.get(stated) != SI_FACTOR[mapped]:
         notes.append(f"{name}: the mapping says {mapped}, the file says {stated}; the mapping was followed")
-    size = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
-    _refuse_counts(unit, column.factor, name, log)
+    try:
+        factor = si_factor(unit)
+    except LogError as error:
+        raise LogError(f"{log.source}: {name}: {error}; set unit in machine.yaml") from None
+    size = (factor * _scalar(log, column.factor, name), column.offset)
+    if unit in COUNTS and column.factor == 1.0 and name.rpartition(".")[2] in ("q", "qr", "v", "a", "e"):
+        raise LogError(  # it would pass as metres
+            f"{log.source}: {name} is in {unit}, which has no size of its own; give columns.{name} a "
+            f"`factor` in machine.yaml: metres or radians of one {unit}"
+        )
     raw = log[source]
     if column.wrap is not None:
         raw, times = unwrapped(raw, column.wrap)
         notes.append(
             f"{name}: unwrapped {times} times by {column.wrap:.10g} {unit if unit != '1' else ''}".rstrip()
         )
-    return _scaled(raw, *size), unit, size, notes
-
-
-def _scaled(x: Floats, factor: float, offset: float) -> Floats:
-    """Return a channel in SI; one that is so already is not copied."""
-    return x if (factor, offset) == (1.0, 0.0) else x * factor + offset
+    return raw if size == ONE_UNIT else raw * size[0] + size[1], unit, size, notes
 
 
 def unwrapped(x: Floats, wrap: float) -> tuple[Floats, int]:
@@ -201,26 +197,17 @@ def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:
     return any(split_unit(w)[0] in log or w in log or w.startswith("[") for w in wanted)
 
 
-def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterator[tuple[str, str, str]]:
-    """Yield channels that need no mapping, with their unit: the contract's, and ROS' ``<joint>.position`` etc."""
+def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield channels that need no mapping, and their names in the contract: ROS' ``<joint>.position`` is one."""
     for name in log.channels:
         if is_contract_name(name) and name not in channels:
-            yield name, name, log.units.get(name, "1")
+            yield name, name
     for name in log.channels:
         match = _JOINT_STATE.match(name)
         if match and name not in used:
             target = f"{match['joint']}.{JOINT_SIGNALS[match['field']]}"
             if target not in channels and target not in log:
-                yield name, target, log.units.get(name, "1")
-
-
-def _refuse_counts(unit: str, factor: float | str, name: str, log: Log) -> None:
-    """Refuse a position in encoder counts of no stated size: it would pass as metres."""
-    if unit in COUNTS and factor == 1.0 and name.rpartition(".")[2] in ("q", "qr", "v", "a", "e"):
-        raise LogError(
-            f"{log.source}: {name} is in {unit}, which has no size of its own; give columns.{name} a "
-            f"`factor` in machine.yaml: metres or radians of one {unit}"
-        )
+                yield name, target
 
 
 def _find(log: Log, column: str, name: str) -> str | None:
@@ -237,13 +224,6 @@ def _find(log: Log, column: str, name: str) -> str | None:
     if name in log and is_contract_name(name):
         return None
     raise LogError(f"{log.source}: {name}: no column {column!r}; {nearest(column, log.channels)}")
-
-
-def _si(unit: str, name: str, log: Log) -> float:
-    try:
-        return si_factor(unit)
-    except LogError as error:
-        raise LogError(f"{log.source}: {name}: {error}; set unit in machine.yaml") from None
 
 
 def _scalar(log: Log, factor: float | str, name: str) -> float:

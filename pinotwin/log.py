@@ -28,7 +28,6 @@ ARRAYS = ("q", "v", "a", "u", "qr", "ql")
 """Channels of an axis that a log in the names of the contract may have."""
 JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}  # field of a JointState -> signal
 
-_LOG_COLUMNS = ("channel", "unit", "smallest", "largest", "missing")
 ONE_UNIT: tuple[float, float] = (1.0, 0.0)
 
 
@@ -207,7 +206,8 @@ class Log(Card):
             known = x[np.isfinite(x)]
             low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
             rows.append((name, self.units.get(name, ""), f"{low:.5g}", f"{high:.5g}", np.isnan(x).sum()))
-        return (f"Log {self.source}: {len(self)} rows", _LOG_COLUMNS, rows, " ".join(self.notes[:3]))
+        heads = ("channel", "unit", "smallest", "largest", "missing")
+        return (f"Log {self.source}: {len(self)} rows", heads, rows, " ".join(self.notes[:3]))
 
     def fingerprint(self) -> str:
         """Return a hash of names and numbers that tells two recordings apart."""
@@ -243,13 +243,12 @@ def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: st
             f"{what} has shape {x.shape}, expected ({rows}, {len(names)}): a row for each time, a column for each "
             f"of axes={list(names)}{turned}"
         )
-    held = {name: x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
-    lost = [name for name in names if name not in held]
+    lost = [name for name, column in zip(names, x.T, strict=True) if np.isnan(column).all()]
     if kind == "q" and lost and rows:
         raise LogError(
             f"{source}: {lost[0]}.q: all values are NaN; record its position, or leave the axis out of axes"
         )
-    out = {f"{name}.{kind}": column for name, column in held.items()}
+    out = {f"{name}.{kind}": column for name, column in zip(names, x.T, strict=True) if name not in lost}
     for name, column in out.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if len(wrong):

@@ -141,37 +141,35 @@ class Motion(Card):
 
     def cut(self, start: int, stop: int) -> Self:
         """Return rows ``start:stop`` as a motion of their own."""
-        rows = slice(start, stop)
         inside = [
             slice(max(s.start, start) - start, min(s.stop, stop) - start)
             for s in self.segments
             if s.start < stop and s.stop > start
         ]
-        return replace(self, segments=tuple(inside), **self._at(rows))
+        return self._taken(slice(start, stop), inside)
 
     def every(self, count: int) -> Self:
         """Return one row in so many of every segment; nothing is filtered here."""
         rows = [np.arange(s.start, s.stop, count) for s in self.segments]
         ends = np.cumsum([0, *map(len, rows)])
         picked = np.concatenate(rows) if rows else np.zeros(0, dtype=int)
-        segments = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+        segments = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         thinner = max(1, round(self.decimation / count))
-        return replace(
-            self, segments=segments, step=self.step * count, decimation=thinner, **self._at(picked)
-        )
+        return self._taken(picked, segments, step=self.step * count, decimation=thinner)
 
     def at(self, rows: Ints, block: Ints | None = None) -> Self:
         """Return ascending ``rows``, shape (m,), even within each ``block``, (m,), as a motion; nothing is filtered."""
         block = np.zeros(len(rows), dtype=np.intp) if block is None else block
         edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(rows)]
-        segments = tuple(slice(a, b) for a, b in pairwise(edges))
+        segments = [slice(a, b) for a, b in pairwise(edges)]
         every = int(rows[1] - rows[0]) if len(rows) > 1 else 1
-        return replace(self, segments=segments, step=self.step * every, decimation=1, **self._at(rows))
+        return self._taken(rows, segments, step=self.step * every, decimation=1)
 
-    def _at(self, rows: slice | Ints) -> dict[str, Any]:
-        """Return some rows of every channel that there is."""
+    def _taken(self, rows: slice | Ints, segments: Sequence[slice], **other: Any) -> Self:
+        """Return some rows of every channel that there is, in these segments."""
         every = {name: getattr(self, name) for name in CHANNELS}
-        return {name: None if x is None else x[rows] for name, x in every.items()}
+        kept: dict[str, Any] = {k: None if x is None else x[rows] for k, x in every.items()}
+        return replace(self, segments=tuple(segments), **kept, **other)
 
     def _shown(self) -> Shown:
         rows = []
@@ -206,16 +204,11 @@ class Motion(Card):
     @classmethod
     def join(cls, parts: Sequence[Motion]) -> Motion:
         """Return several motions of one machine as one, their segments kept apart."""
-        first = parts[0]
-        segments: list[slice] = []
-        offset = 0
-        for part in parts:
-            segments += [slice(s.start + offset, s.stop + offset) for s in part.segments]
-            offset += len(part)
-        arrays: dict[str, Any] = {}
-        for name in CHANNELS:
-            values = [getattr(part, name) for part in parts]
-            missing = any(x is None for x in values)
-            arrays[name] = None if missing else np.concatenate(values)
+        starts = zip(parts, np.cumsum([0, *map(len, parts[:-1])]).tolist(), strict=True)
+        segments = tuple(slice(s.start + at, s.stop + at) for part, at in starts for s in part.segments)
+        every = {name: [getattr(part, name) for part in parts] for name in CHANNELS}
+        arrays: dict[str, Any] = {
+            k: None if any(x is None for x in each) else np.concatenate(each) for k, each in every.items()
+        }
         notes = tuple(note for part in parts for note in part.notes)
-        return replace(first, segments=tuple(segments), notes=notes, **arrays)
+        return replace(parts[0], segments=segments, notes=notes, **arrays)

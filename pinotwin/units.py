@@ -82,9 +82,15 @@ def rounded(value: float, error: float) -> tuple[str, str]:
     return first, second
 
 
+def of_axis(unit: str, rotary: bool) -> str:
+    """Return a unit in which F, x and I stand for that of effort, position and inertia of a slide or a rotation."""
+    own = ("N·m", "rad", "kg·m²") if rotary else ("N", "m", "kg")
+    return unit.translate(dict(zip(map(ord, "FxI"), own, strict=True)))
+
+
 def in_log_unit(unit: str, rotary: bool, size: Mapping[str, Any]) -> tuple[str, float]:
     """Return a unit with N or N·m by the log's own (``unit`` in ``size``, if any), and how many of the old it is."""
-    force = "N·m" if rotary else "N"
+    force = of_axis("F", rotary)
     if not size or not unit.startswith(force):
         return unit, 1.0
     return ELECTRICAL[size["unit"]].split()[0] + unit.removeprefix(force), float(size["size"])

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.analysis.disturbance import halton, mean_inertia
+from pinotwin.analysis.disturbance import mean_inertia
 from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.effects import Coulomb, Offset, Ripple, Stribeck, Viscous
 from pinotwin.identification.plant import fit_options
@@ -69,7 +69,7 @@ def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0)
             theta[s] = part.stiffness, part.damping
     twin = dataclasses.replace(twin, theta=theta)
     span = np.where(machine.rotary, 1.0, 0.2)
-    inertia = np.diag(mean_inertia(twin, halton(64, -span, span)))
+    inertia = np.diag(mean_inertia(twin, -span, span))
     viscous, stiffness = np.zeros(machine.nv), np.zeros(machine.nv)
     for effect, s in zip(twin.effects, twin.slices, strict=True):
         if effect.name == "viscous":

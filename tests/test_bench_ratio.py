@@ -10,7 +10,7 @@ import pytest
 from pinotwin.bench.cases import Case
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of, produce
-from pinotwin.bench.ratio import left_of, noise_powers, over, powers, run
+from pinotwin.bench.ratio import left_of, noise_powers, powers, run
 from pinotwin.virtual.axis_truth import Harmonic
 
 SECONDS = 4.0
@@ -33,7 +33,7 @@ def test_the_gap_of_a_ripple_is_its_own_power(emps):
     slick = with_axis(well, friction=replace(well.truth.axes["X"].friction, coulomb=0.0))
     clean = run(slick, path)
     ripple = Harmonic(3.0, 0.1, 0.4)  # [N], [m], [rad]
-    gap = powers(run(with_axis(slick, ripple=(ripple,)), path).minus(clean))["X"]["u"]
+    gap = powers(run(with_axis(slick, ripple=(ripple,)), path).signals - clean.signals)[0, 0]
     wave = 3.0 * np.sin(2 * np.pi * clean.log["X.q"] / 0.1 + 0.4)
     assert gap == pytest.approx(np.mean(wave**2), rel=0.05)  # without stiction the motor bears it
 
@@ -51,15 +51,15 @@ def test_the_noise_without_scatter_is_that_of_the_sensors(emps):
         friction=replace(axis.friction, coulomb=0.0),
         encoder=replace(axis.encoder, noise=0.0, resolution=1e-13),
     )
-    assert noise_powers(slick, path, run(slick, path))["X"]["u"] == pytest.approx(expected, rel=0.1)
-    assert noise_powers(quiet, path, clean)["X"]["u"] > expected
+    assert noise_powers(slick, path, run(slick, path))[0, 0] == pytest.approx(expected, rel=0.1)
+    assert noise_powers(quiet, path, clean)[0, 0] > expected
 
 
 def test_scatter_of_friction_counts_as_noise_of_its_own_size(emps):
     well, path, clean = emps
     loud = replace(well, truth=replace(well.truth, scatter=0.05))
     still = replace(well, truth=replace(well.truth, scatter=0.0))
-    extra = noise_powers(loud, path, clean)["X"]["u"] - noise_powers(still, path, clean)["X"]["u"]
+    extra = (noise_powers(loud, path, clean) - noise_powers(still, path, clean))[0, 0]
     f = well.truth.axes["X"].friction
     v = np.gradient(clean.log["X.q"], clean.log["t"])
     moving = np.abs(v) > 2e-3
@@ -71,12 +71,12 @@ def test_a_fit_takes_up_what_its_own_columns_can(emps):
     well, path, clean = emps
     f = well.truth.axes["X"].friction
     ill = run(with_axis(well, friction=replace(f, viscous=1.2 * f.viscous)), path)
-    gap = ill.minus(clean)
+    gap = ill.signals - clean.signals
     noise = noise_powers(well, path, clean)
-    whole = powers(gap)["X"]["u"] / noise["X"]["u"]
+    whole = powers(gap)[0] / noise[0]
     bare = public_machine("emps", (("viscous", "X", 0.1),))
-    listed = left_of(gap, ill, public_machine("emps"), well, noise)["X"]
-    unlisted = left_of(gap, ill, bare, well, noise)["X"]
+    listed = left_of(gap[0], ill, public_machine("emps"), well, noise[0])
+    unlisted = left_of(gap[0], ill, bare, well, noise[0])
     assert listed < 0.02 * whole
     assert unlisted > 0.1 * whole
 
@@ -105,14 +105,10 @@ def test_effects_of_the_controller_are_seen_in_the_tracking_error():
         path_of("trunnion", 8.0, 7),
     )
     clean = run(well, path)
-    rho = over(powers(run(ill, path).minus(clean)), noise_powers(well, path, clean))
+    efforts, errors = powers(run(ill, path).signals - clean.signals) / noise_powers(well, path, clean)
     (size,) = produce(case, seconds=8.0).sizes
-    assert size == pytest.approx(max(r["e"] for r in rho.values()))
-    assert size > 10.0 * rho["Y"]["u"]
-
-
-def test_gap_over_noise_is_a_ratio_of_powers():
-    assert over({"X": {"u": 2.0}}, {"X": {"u": 8.0}}) == {"X": {"u": 0.25}}
+    assert size == pytest.approx(errors.max())
+    assert size > 10.0 * efforts[list(well.axes).index("Y")]
 
 
 @pytest.mark.parametrize("machine", ["trunnion", "random:4"])

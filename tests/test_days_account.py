@@ -73,7 +73,7 @@ def test_the_shares_of_two_causes_add_up_to_the_whole(plain: Machine) -> None:
     assert sorted(x.one.name for x in account.causes) == ["quadratic_drag", "ripple"]
     known = 1.0 - (unseen(compared(plain, none, 1.0)) / unseen(c)) ** 2
     assert sum(x.closed[0].share for x in account.causes) == pytest.approx(known, abs=0.05)
-    assert account.together[0].share == pytest.approx(sum(x.closed[0].share for x in account.causes))
+    assert account.together["X"].share == pytest.approx(sum(x.closed[0].share for x in account.causes))
 
 
 def test_a_pattern_without_a_name_closes_nothing(plain: Machine) -> None:
@@ -83,12 +83,12 @@ def test_a_pattern_without_a_name_closes_nothing(plain: Machine) -> None:
     assert account.patterns == {"X": "swings in time at 11 Hz"}
     hum = compared(plain, lambda t, q, v: 3.0 * np.sin(2.0 * np.pi * 11.0 * t), 0.5)
     known = 1.0 - (unseen(hum) / unseen(c)) ** 2
-    assert account.together[0].share == pytest.approx(known, abs=0.05)
+    assert account.together["X"].share == pytest.approx(known, abs=0.05)
 
 
 def test_a_cause_that_is_not_sure_closes_nothing(plain: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     found = lacking(compared(plain, drag, 1.0))
-    assert Account(found).together[0].share > 0.8
+    assert Account(found).together["X"].share > 0.8
     monkeypatch.setattr(
         "pinotwin.diagnosis.days.structure.Turn.probabilities", lambda turn: [(turn.taken, 0.3)]
     )
@@ -225,4 +225,4 @@ def test_a_push_beside_a_cause_is_judged_with_it_by_the_same_rows(plain: Machine
     account = Account(lacking(compare(plain, [pushed, logs[1]], logs[2:])))
     assert {x.one.name for x in account.causes} == {"quadratic_drag", "external_force"}
     assert {x.closed[0].on for x in account.causes} == {"held-out blocks", "fitted logs"}
-    assert account.together[0].share == pytest.approx(sum(x.closed[0].share for x in account.causes))
+    assert account.together["X"].share == pytest.approx(sum(x.closed[0].share for x in account.causes))

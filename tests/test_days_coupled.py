@@ -98,7 +98,7 @@ def test_an_arm_whose_efforts_are_of_one_unit_has_none(
 
 def test_an_offset_that_disagrees_with_other_axes_is_no_factor(tmp_path: Path) -> None:
     found = asked(tmp_path, [1.0, 1.0, 1.0], offset=0.5)
-    first, *others = found.turns[0].ranked
+    first, *others = found.first
     assert (first.name, first.axis) == ("offset", "A3")
     factor = next(x for x in others if (x.name, x.axis) == ("effort_scale", "A3"))
     assert first.total > 2.0 * factor.total

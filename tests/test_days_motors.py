@@ -29,10 +29,9 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> pt.Machine:
     links = [LINK.format(*x) for x in (("base", 1.0), ("X_link", MASS[0] - MASS[1]), ("Y_link", MASS[1]))]
     joints = [JOINT.format("X", "base", "1 0 0"), JOINT.format("Y", "X_link", "0 1 0")]
     (folder / "m.urdf").write_text(f'<robot name="m">{"".join(links + joints)}</robot>')
-    (folder / "machine.yaml").write_text(
-        "name: m\nurdf: m.urdf\naxes: {X: {joint: X}, Y: {joint: Y}}\n"
-        "transmission: {X: {X: 1, Y: 1}, Y: {X: 1, Y: -1}}\n"
-    )
+    axes = "name: m\nurdf: m.urdf\naxes: {X: {joint: X}, Y: {joint: Y}}\n"
+    (folder / "machine.yaml").write_text(axes + "transmission: {X: {X: 1, Y: 1}, Y: {X: 1, Y: -1}}\n")
+    (folder / "untold.yaml").write_text(axes)
     return pt.Machine.load(Path(folder))
 
 
@@ -87,3 +86,32 @@ def test_friction_of_a_motor_is_told_from_that_of_an_axis(
 
 def test_of_another_healthy_day_nothing_is_said(twin: pt.Twin) -> None:
     assert pt.diagnose(twin, [day(20), day(21)]).verdict == "none"
+
+
+@pytest.mark.parametrize("change", [1.0, 2.0])
+def test_what_the_twin_lacks_on_its_own_days_is_no_change(machine: pt.Machine, change: float) -> None:
+    """Its motors drag on every day, which the twin has no number for; one of them then drags more."""
+    drag = {0: 0.8, 1: 0.6}
+    twin = pt.identify(machine, [day(k, drag) for k in range(3)])
+    more = {**drag, 0: drag[0] + change}
+    (found,) = pt.diagnose(twin, [day(10 + k, more) for k in range(2)]).effects
+    size = found.size[0]
+    assert (found.axis, size.name) == ("X", "coulomb.at_the_motor")
+    assert size.before > 0.2
+    assert size.after - size.before == pytest.approx(change, rel=0.15)
+
+
+@pytest.mark.parametrize("turns", [0.5, -1.5])
+def test_of_a_motor_that_turns_another_joint_untold_no_cause_is_named(
+    machine: pt.Machine, turns: float
+) -> None:
+    """The motor of X turns Y as well, which a second encoder shows: the effort of neither is that of its joint."""
+    log = day(30)
+    x, y = np.linalg.solve(BELTS, [log["X.q"], log["Y.q"]])
+    told = {"X.ql": x, "X.q": x + turns * y, "X.qr": x + turns * y, "Y.q": y, "Y.qr": y}
+    untold = pt.Machine.load(machine.path.with_name("untold.yaml"))
+    found = pt.diagnose(untold, log.with_channels({**log.channels, **told}))
+    assert (found.verdict, found.effects) == ("unexplained", [])
+    said = "cannot be traced to a cause: X.ql does not go with X.q: its motor turns several joints; "
+    said += f"write transmission: {{X: {{X: 1, Y: {turns}}}}}"
+    assert all(found.remains[axis].startswith(said) for axis in "XY")

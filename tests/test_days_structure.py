@@ -55,7 +55,7 @@ def sure(found: Lacking) -> list[str]:
 def test_nothing_is_missing_in_a_machine_that_lists_what_it_has(ask: Ask, seed: int) -> None:
     found = ask(lambda t, q, v: np.zeros_like(t), logs=3, seed=seed)
     assert said(found) == []
-    searched = {x.name for x in found.turns[0].ranked} & {"ripple", "hum", "backlash", "speed_ripple"}
+    searched = {x.name for x in found.first} & {"ripple", "hum", "backlash", "speed_ripple"}
     assert searched == set()  # for an axis that leaves nothing
 
 
@@ -100,7 +100,7 @@ def test_friction_that_warms_away_is_no_drag(ask: Ask) -> None:
 
 def test_a_row_says_what_a_decision_reads(ask: Ask) -> None:
     found = ask(lambda t, q, v: 120.0 * v * np.abs(v))
-    row = found.turns[0].ranked[0].row()
+    row = found.first[0].row()
     assert (row.name, row.axis, row.group) == ("quadratic_drag", "X", "form")
     assert sum(row.by.values()) - row.price == pytest.approx(row.score)
     assert row.closed["plant"] > 0.9

@@ -69,7 +69,7 @@ def test_every_code_that_bars_something_is_one_that_check_gives():
 
 
 def test_a_good_log_can_be_asked_everything(machine, log):
-    found = gate(machine, [Prepared.of(machine, log)])
+    found = gate(machine, [Prepared(machine, log)])
     assert not found.effects
     assert not found.questions
     assert not found.silent
@@ -77,7 +77,7 @@ def test_a_good_log_can_be_asked_everything(machine, log):
 
 
 def test_what_happens_between_two_samples_is_not_looked_for(machine, log):
-    found = gate(machine, [Prepared.of(machine, slow(log))])
+    found = gate(machine, [Prepared(machine, slow(log))])
     assert not any(found.admits(name, "X") for name in INSTANTS)
     assert found.admits("viscous", "X")
     assert not found.asks("servo", "X")
@@ -86,13 +86,13 @@ def test_what_happens_between_two_samples_is_not_looked_for(machine, log):
 
 
 def test_no_cause_is_named_on_an_axis_in_another_unit_or_one_that_fell(machine, log):
-    found = gate(machine, [Prepared.of(machine, changed(log, X_q=1000.0 * log["X.q"]))])
+    found = gate(machine, [Prepared(machine, changed(log, X_q=1000.0 * log["X.q"]))])
     assert found.nameless.keys() == {"X"}
     assert not found.asks("tracking", "X")
 
 
 def test_one_coarse_log_among_good_ones_bars_and_is_named(machine, log):
-    found = gate(machine, [Prepared.of(machine, log), Prepared.of(machine, slow(log))])
+    found = gate(machine, [Prepared(machine, log), Prepared(machine, slow(log))])
     assert not found.admits("presliding", "X")
     assert any(text.startswith("slow.csv: ") for text in found.warnings)
 
@@ -111,7 +111,7 @@ def test_no_pattern_swings_faster_than_half_the_rate(machine, log):
 
 
 def test_a_command_of_another_unit_is_not_held_against_the_servo(machine, log):
-    found = gate(machine, [Prepared.of(machine, changed(log, X_qr=1e3 * log["X.qr"]))])
+    found = gate(machine, [Prepared(machine, changed(log, X_qr=1e3 * log["X.qr"]))])
     assert not found.asks("tracking", "X")
     assert found.admits("presliding", "X")
 
@@ -171,7 +171,7 @@ def test_of_a_machine_with_an_unstable_loop_no_cause_is_named(twin, other):
 
 def test_the_twin_knows_an_effort_that_check_doubts(twin, other, monkeypatch):
     """A push against the motion may look like friction that drives: the twin says whose effort it is."""
-    doubted = gate(twin.machine, [Prepared.of(twin.machine, changed(other, X_u=-other["X.u"]))])
+    doubted = gate(twin.machine, [Prepared(twin.machine, changed(other, X_u=-other["X.u"]))])
     assert "X" in doubted.silent
     monkeypatch.setattr("pinotwin.diagnosis.data.comparison.gate", lambda machine, logs, sized: doubted)
     assert "X" not in compare(twin, [other], []).gate.silent

@@ -13,7 +13,6 @@ from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.conclusion.sizes import body_sizes, undetermined
 from pinotwin.diagnosis.payload import (
-    body_of,
     found_body,
     loaded_twin,
     physical,
@@ -164,11 +163,11 @@ def test_what_a_payload_can_be(robot, what, numbers, covariance, removal, can):
 def test_what_is_not_told_is_said_to_be_open():
     pi = np.array([1.0, 0.0, 0.0, 0.1, *np.zeros(6)])
     vague = np.diag([1e-4, 1.0, 1e-6, 1e-6, *[1e-8] * 6])
-    sizes = body_sizes(body_of(pi, vague), pi, vague)
+    sizes = body_sizes(pi, vague)
     assert undetermined(sizes) == ["centre of mass along x"]
     pi[0] = 0.001
     pi[9] = 0.02
-    sizes = body_sizes(body_of(pi, SURE), pi, SURE)
+    sizes = body_sizes(pi, SURE)
     assert sizes[0].name != "payload.mass"
     assert undetermined(sizes)[0] == "mass"
 
@@ -176,11 +175,11 @@ def test_what_is_not_told_is_said_to_be_open():
 def test_a_body_has_mass_and_centre_with_intervals():
     pi = np.array([2.0, 0.2, 0.0, -0.1, *np.zeros(6)])
     covariance = np.diag(np.array([0.01, 0.002, 0.002, 0.002, *np.ones(6)]) ** 2)
-    body = body_of(pi, covariance)
-    assert body.centre == pytest.approx([0.1, 0.0, -0.05])
-    assert body.centre_error[0] == pytest.approx(np.hypot(0.002, 0.01 * 0.1) / 2.0)
-    mass, *_ = body_sizes(body, pi, covariance)
+    mass, *centre = body_sizes(pi, covariance)
     assert mass.interval == pytest.approx((2.0 - 0.01645, 2.0 + 0.01645))
-    taken = body_of(-pi, covariance)
-    assert taken.mass == -2.0
-    assert taken.centre == pytest.approx([0.1, 0.0, -0.05])
+    assert [x.after for x in centre] == pytest.approx([0.1, 0.0, -0.05])
+    half = 0.5 * (centre[0].interval[1] - centre[0].interval[0])
+    assert half == pytest.approx(1.645 * np.hypot(0.002, 0.01 * 0.1) / 2.0)
+    mass, *centre = body_sizes(-pi, covariance)
+    assert mass.after == -2.0
+    assert [x.after for x in centre] == pytest.approx([0.1, 0.0, -0.05])

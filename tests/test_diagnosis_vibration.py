@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pinotwin.analysis.deflection import PassiveSpring, load_on, springs
+from pinotwin.analysis.deflection import PassiveSpring, load_of, springs
 from pinotwin.diagnosis.apply import extended
 from pinotwin.diagnosis.grade import is_open
 from pinotwin.diagnosis.result import Diagnosis, Gap
@@ -63,7 +63,7 @@ def look(*logs: Log, validation: tuple[bool, ...] | None = None, subject: object
     rng = np.random.default_rng(1)
     subject = subject or twin()
     machine = subject.machine if isinstance(subject, Twin) else subject
-    ready = [Prepared.of(machine, log) for log in logs]
+    ready = [Prepared(machine, log) for log in logs]
     return look_at_vibration(subject, ready, flags, (0,) * len(logs), rng)
 
 
@@ -76,7 +76,8 @@ def test_the_deflection_is_the_one_that_the_virtual_rig_makes() -> None:
     log = recorded(2)
     motion = prepare(twin().machine, log, decimate=1)
     (spring,) = springs(twin())
-    v = load_on(twin(), motion, spring.index).response(spring)[1]
+    load = load_of(twin().machine, twin().coefficients("rigid_body"), motion, spring.index)
+    v = load.response(spring)[1]
     inner = slice(400, -200)
     assert np.std((v - log["delta.v"])[inner]) < 0.15 * np.std(log["delta.v"][inner])
 
@@ -137,8 +138,8 @@ def test_without_a_twin_or_without_the_channel_nothing_is_said() -> None:
     assert look(plain).gaps == {}
     machine = Machine.load("flexure_rig")
     assert look(log, subject=machine).gaps == {}
-    assert "identify a twin" in unused(machine, [Prepared.of(machine, log)])[0]
-    assert unused(machine, [Prepared.of(machine, plain)]) == unused(twin(), [Prepared.of(machine, log)]) == []
+    assert "identify a twin" in unused(machine, [Prepared(machine, log)])[0]
+    assert unused(machine, [Prepared(machine, plain)]) == unused(twin(), [Prepared(machine, log)]) == []
 
 
 def test_the_machine_gets_the_spring_that_was_found() -> None:

@@ -34,7 +34,7 @@ def test_the_shared_logs_are_named(file: str, axes: dict[str, list[str]]) -> Non
 def _panda(folder: Path) -> tuple[pt.Machine, pt.Motion, np.ndarray]:
     """Return machine, motion and base parameters that explain its efforts beside friction."""
     machine = pt.Machine.load(folder / "machine.yaml")
-    motion = Prepared.of(machine, pt.read(folder / "exciting_traj.csv")).motion
+    motion = Prepared(machine, pt.read(folder / "exciting_traj.csv")).motion
     rows = np.r_[*motion.segments][::20]
     w = machine.base.regressor(machine.model, motion.q[rows], motion.v[rows], motion.a[rows])
     friction = np.zeros((len(rows), machine.nv, 3 * machine.nv))
@@ -57,5 +57,5 @@ def test_kinds_made_of_a_real_log_are_named_and_the_log_itself_is_not(data_dir: 
     channels = {
         f"{n}.{s}": x[:, j] for s, x in (("q", motion.q), ("u", u)) for j, n in enumerate(motion.names)
     }
-    codes = {f.code for f in Prepared.of(machine, pt.Log({"t": motion.t, **channels})).findings}
+    codes = {f.code for f in Prepared(machine, pt.Log({"t": motion.t, **channels})).findings}
     assert codes & set(KINDS.values()) == ({KINDS[kind]} if kind else set())

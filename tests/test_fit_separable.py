@@ -12,7 +12,7 @@ from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection
-from pinotwin.solve.separable import VariableProjection, _Search, separable
+from pinotwin.solve.separable import _Search, separable, variable_projection
 from tests.stacked import AxisRows, interval, stack
 
 LEVEL = np.array([1.0, 5.0, 0.2])
@@ -203,7 +203,7 @@ def test_small_coordinates_keep_cost_and_gradient():
     problem = machine.problem(np.random.default_rng(2), 0.1)
     free = np.full(10 + sum(len(m.names) for m in machine.moving), np.inf)
     projection = Projection.of(problem, machine.moving)
-    small = VariableProjection(projection, LEVEL, Options(lower=-free, upper=free, tolerance=1e-10))
+    small = variable_projection(projection, LEVEL, Options(lower=-free, upper=free, tolerance=1e-10))
     x = np.concatenate([m.search(np.array([g[len(g) // 3] for g in m.starts])) for m in machine.moving])
 
     def cost(x):
@@ -217,7 +217,7 @@ def test_small_coordinates_keep_cost_and_gradient():
         theta = np.linalg.lstsq(W * weight[:, None], problem.y * weight)[0]
         return np.sum((weight * (problem.y - W @ theta)) ** 2)
 
-    residual, jacobian = small.evaluate(x)
+    residual, jacobian = small(x)
     assert_allclose(residual @ residual, cost(x), rtol=1e-10)
     gradient = 2 * jacobian.T @ residual
     for k in range(len(x)):

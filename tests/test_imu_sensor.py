@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.errors import DataError
 from pinotwin.imu.filters import low_pass as assumed
-from pinotwin.imu.noise import rest
+from pinotwin.imu.whiten import rest
 from pinotwin.signals import roughness
 from pinotwin.virtual.imu_sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
 from tests.test_imu_rig import DEG, record

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.cli.main import COMMANDS, EXAMPLES, main
+from pinotwin.cli.main import COMMANDS, main
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.result import Gap
 from pinotwin.errors import nearest
@@ -171,7 +171,7 @@ def test_every_command_has_a_description_an_example_and_defaults(command, capsys
         main([command, "--help"])
     assert ended.value.code == 0
     text = capsys.readouterr().out
-    assert f"example:\n  {EXAMPLES[command]}" in text
+    assert f"example:\n  pinotwin {command} " in text
     assert max(map(len, text.splitlines())) <= 80
     assert "(None)" not in text
     assert "(False)" not in text

@@ -163,7 +163,7 @@ def test_a_turning_joint_may_be_anywhere(tmp_path: Path) -> None:
     t = np.arange(4000) / 500.0
     q = 1000.0 * np.sin(t)
     u = -1000.0 * np.sin(t) + 20.0 * np.sign(np.cos(t)) + np.random.default_rng(0).normal(size=len(t))
-    found = Prepared.of(pt.Machine.load(urdf), pt.Log({"t": t, "M.q": q, "M.u": u})).doubts
+    found = Prepared(pt.Machine.load(urdf), pt.Log({"t": t, "M.q": q, "M.u": u})).doubts
     assert [f for f in found if f.code in CAUSES] == []
 
 
@@ -204,7 +204,7 @@ def test_what_a_motion_would_not_show_is_said() -> None:
 
 
 def test_the_axes_of_a_long_chain_are_not_exchanged_pair_by_pair() -> None:
-    machine, log = pt.Machine.load("trunnion"), Prepared.of(pt.Machine.load("trunnion"), pt.Log(recorded()))
+    machine, log = pt.Machine.load("trunnion"), Prepared(pt.Machine.load("trunnion"), pt.Log(recorded()))
     assert log.efforts is not None
     assert [f.code for f in unseen(machine, log.motion, log.efforts, most=2)] == ["not_tried"]
     assert "not_tried" not in {f.code for f in unseen(machine, log.motion, log.efforts)}

@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 54_051,
-    module_numbers: 102,
-    numbers_without_unit: 288,
+    lines: 53_540,
+    module_numbers: 101,
+    numbers_without_unit: 284,
     stories: 5,
 }
 

@@ -9,7 +9,7 @@ import pytest
 
 from pinotwin.log import Log
 from pinotwin.loop import Servo
-from pinotwin.report import Page, Plot, Tabs
+from pinotwin.report import identification_report
 from pinotwin.report.blocks import Html
 from pinotwin.report.closed_loop import closed_loop_content, score_table, servo_table
 from pinotwin.report.closed_loop_plots import CAUSES
@@ -40,8 +40,8 @@ def log(twin) -> Log:
 
 
 @pytest.fixture(scope="module")
-def blocks(twin, log):
-    return closed_loop_content(twin, log)["loop"]
+def closed(twin, log):
+    return closed_loop_content(twin, log)["closed"]
 
 
 def cells(block: Html) -> list[list[str]]:
@@ -65,8 +65,8 @@ def test_the_table_states_the_errors_that_were_added(twin, log):
     assert float(by["mean", ""][3].split()[0]) == pytest.approx(np.mean(shares), abs=0.06)
 
 
-def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
-    page = Page("x").section("loop", *blocks).html()
+def test_poles_and_gains_are_those_of_the_twin(twin, log):
+    page = identification_report(twin, log)
     rows = read(page).rows
     named, loop = twin.servos["Y"].named(), twin.loops["Y"]
     values = [r[2] for r in rows if len(r) == 7 and "pole" in r[1]]
@@ -78,11 +78,11 @@ def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
     assert "Sampled law" not in page
 
 
-def test_the_simulated_controller_is_shown_with_intervals_and_ties():
+def test_the_simulated_controller_is_shown_with_intervals_and_ties(twin):
     servo = Servo.of_cascade(60.0, 5000.0, 40.0, 0.93, 30.0, velocity_lag=3e-4)
     errors = {"kp": 2.0, "rate": 2.0, "kv": 100.0, "ffa": 9.0, "kp + rate": 1.0, "kp * rate": 20.0}
     servo = dataclasses.replace(servo, errors=errors, other={"kp": 40.0, "rate": 60.0})
-    rows = cells(servo_table({"Y": servo}))
+    rows = cells(servo_table(dataclasses.replace(twin, servos={"Y": servo})))
     assert rows[0][:4] == ["Y", "position gain kp", "60", "36.71 to 63.29"]
     assert "tied" in rows[0][4]
     assert rows[1][:4] == ["", "velocity gain kv", "5000", "4836 to 5164"]
@@ -94,33 +94,31 @@ def test_the_simulated_controller_is_shown_with_intervals_and_ties():
     assert by["kp / ti"][2:] == ["2400", "2367 to 2433", "determined"]
 
 
-def test_the_measured_line_is_command_minus_position(twin, log, blocks):
-    trace = next(t for t in blocks[0].figure.data if t.name == "measured")
+def test_the_measured_line_is_command_minus_position(twin, log, closed):
+    trace = next(t for t in closed["response"].data if t.name == "measured")
     e = (log["Y.qr"] - log["Y.q"])[np.searchsorted(log.t, trace.x - 1e-4)]  # the rows that a screen needs
     factor = scale_of("e", False, e).factor
     assert len(e) > 100
     assert trace.y == pytest.approx(factor * e, abs=1e-4 * factor * np.abs(e).max())
 
 
-def test_shares_of_the_causes_fill_the_bars(twin, blocks):
-    figures_ = [b.figure for b in blocks if isinstance(b, Plot)]
-    shares = next(f for f in figures_ if f.data[0].type == "bar")
+def test_shares_of_the_causes_fill_the_bars(twin, closed):
     for axis in twin.loops:
-        total = sum(dict(zip(bar.y, bar.x, strict=True)).get(axis, 0.0) for bar in shares.data)
+        bars = closed["shares"].data
+        total = sum(dict(zip(bar.y, bar.x, strict=True)).get(axis, 0.0) for bar in bars)
         assert total == pytest.approx(100.0, abs=1.5)
-    (tabs,) = [b for b in blocks if isinstance(b, Tabs)]
-    assert list(tabs.panels) == list(twin.loops)
+    assert list(closed["causes"].panels) == list(twin.loops)
 
 
 def test_a_log_without_command_is_said_and_the_poles_stay(twin, log):
     bare = Log({k: x for k, x in log.channels.items() if not k.endswith(".qr")}, source="bare.csv")
-    page = Page("x").section("loop", *closed_loop_content(twin, bare)["loop"]).html()
+    page = identification_report(twin, bare)
     assert "The command could not be simulated: " in page
     assert "real pole p1" in page
 
 
 def test_a_twin_without_loop_has_no_section(twin, log):
-    assert closed_loop_content(dataclasses.replace(twin, loops={}), log)["loop"] == []
+    assert closed_loop_content(dataclasses.replace(twin, loops={}), log)["closed"] == {}
 
 
 def test_small_errors_are_shown_in_small_units():

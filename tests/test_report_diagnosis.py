@@ -276,7 +276,7 @@ def test_with_the_log_the_gap_is_drawn_against_speed_and_position() -> None:
     for k, axis in enumerate(machine.axes):
         channels[f"{axis}.q"] = 0.1 * np.sin((2 + k) * t)
         channels[f"{axis}.u"] = np.cos((2 + k) * t)
-    ready = Prepared.of(machine, Log(channels, source="drill.csv"))
+    ready = Prepared(machine, Log(channels, source="drill.csv"))
     page = diagnosis_report(replace(EXPLAINED, subject=machine, prepared=[ready]))
     drawn = [figure["layout"] for figure in figures(page)]
     titles = [layout.get("xaxis", {}).get("title", {}).get("text") for layout in drawn]
@@ -295,8 +295,8 @@ def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> N
     machine = Machine.load("trunnion")
     for k, axis in enumerate(machine.axes):
         channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
-    given = replace(EXPLAINED, subject=machine)
-    pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
+    given = replace(EXPLAINED, subject=machine, prepared=[Prepared(machine, Log(channels))])
+    pages = [gap_page(given, machine) for _ in range(2)]
     assert pages[0] == pages[1]
     assert "Y unlike its model" in pages[0]
 
@@ -340,7 +340,8 @@ def test_the_machine_page_shows_where_a_defect_is_and_which_way_a_force_acts() -
     assert any(path.endswith("Y/arrow/head") for path in paths)
     assert any(path.endswith("place A") for path in paths)
     assert shade(EXPLAINED, "Y") != shade(EXPLAINED, "A")
-    assert len(gap_page(replace(EXPLAINED, subject=machine, effects=[push]), machine, log)) > 1e5
+    pushed = replace(EXPLAINED, subject=machine, effects=[push], prepared=[Prepared(machine, log)])
+    assert len(gap_page(pushed, machine)) > 1e5
 
 
 def test_a_position_gain_is_told_old_and_new() -> None:

@@ -20,9 +20,8 @@ from pinotwin.logs.channels import usable
 from pinotwin.logs.files import read
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, with_vibration
-from pinotwin.reconstruction.combine import at_stamps
+from pinotwin.reconstruction.combine import at_stamps, delay
 from pinotwin.reconstruction.document import document
-from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import pieces
 from pinotwin.trajectories.moves import random_trajectory

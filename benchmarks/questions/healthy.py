@@ -74,7 +74,7 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
         case = Case(0, question.machine, question.situation, "healthy", (), question.seed)
         sealed = produce(case).sealed
         for log in sealed.logs:
-            for finding in Prepared.of(sealed.machine, log).quality.findings:
+            for finding in Prepared(sealed.machine, log).quality.findings:
                 if finding.code == "loop_unstable":
                     raise DataError(f"{finding.channel}: {finding.message}")
         change = question.situation == "change"

@@ -22,7 +22,7 @@ import scipy
 from pinotwin.arrays import Floats, plain
 from pinotwin.effects import effect_name, known
 from pinotwin.errors import InputError
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.loop.servo import FOLLOWING, LOST
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.simulation import compare as score

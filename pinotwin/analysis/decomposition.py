@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.loop import LoopModel
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown

@@ -69,13 +69,8 @@ def springs(twin: Twin) -> tuple[PassiveSpring, ...]:
     return tuple(out)
 
 
-def load_on(twin: Twin, motion: Motion, joint: int) -> Load:
-    """Return what the axes' motion puts on a passive joint that does not move itself."""
-    return load_of(twin.machine, twin.coefficients("rigid_body"), motion, joint)
-
-
 def load_of(machine: Machine, beta: Floats, motion: Motion, joint: int) -> Load:
-    """Return the same of a machine with base parameters ``beta``, shape (b,)."""
+    """Return what the axes' motion puts on a passive joint that does not move itself; base parameters (b,)."""
     still = [x.copy() for x in (motion.q, motion.v, motion.a)]
     for x in still:
         x[:, joint] = 0.0
@@ -92,7 +87,8 @@ def bent(twin: Twin, motion: Motion, measured: Motion) -> Motion:
     q, v, a = (x.copy() for x in (motion.q, motion.v, motion.a))
     for spring in springs(twin):
         p = spring.index
-        q[:, p], v[:, p], a[:, p] = load_on(twin, motion, p).response(spring)
+        load = load_of(twin.machine, twin.coefficients("rigid_body"), motion, p)
+        q[:, p], v[:, p], a[:, p] = load.response(spring)
         if is_measured(measured, p):
             v[:, p], a[:, p] = measured.v[:, p], measured.a[:, p]
     return replace(motion, q=q, v=v, a=a)

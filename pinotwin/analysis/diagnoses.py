@@ -11,7 +11,7 @@ from typing import Any
 from pinotwin.analysis.comparison import Compared, Comparison, effect_title
 from pinotwin.analysis.comparison import compare as twins_compared
 from pinotwin.errors import InputError
-from pinotwin.logs.files.given import LogLike
+from pinotwin.logs.files import LogLike
 from pinotwin.notebook import Shown
 
 

@@ -3,9 +3,9 @@
     u = M_D a + C v + K q + d(q, v, a)                        (Eq. 4.3; with the measured motion Eq. 4.19)
 
 C and K are the coefficients of viscous effects and springs, d is everything else by cause. M_D is diagonal and
-constant: the mean of M_ii(q) over 64 postures (a Halton sequence) in the travel of the identified logs, where the
-source keeps its constant term, which depends on how the equation is written. Loops belong to the M_D with which they
-were identified: ``twin.diagonal``. The rigid body's effort, with parts of the motion set to zero, is
+constant: the mean of M_ii(q) over 64 postures (a Halton sequence without its corner) in the travel of the identified
+logs, where the source keeps its constant term, which depends on how the equation is written. Loops belong to the M_D
+with which they were identified: ``twin.diagonal``. The rigid body's effort, with parts of the motion set to zero, is
 
     gravity               g(q),      coriolis_centrifugal  c(q, v)
     inertial_coupling     M(q) a - M_D a: the other axes' accelerations, and M_ii(q) - M_D_ii
@@ -37,10 +37,10 @@ CAUSES = (  # Causes of the generalised disturbance; ``position`` is ripple, tab
 )
 
 
-def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, Floats]:
+def diagonal(plant: OpenLoop, motion: Motion) -> dict[str, Floats]:
     """Return ``inertia``, ``viscous``, ``stiffness`` (and ``ground``, Eq. 5.4) over a motion, diagonals (nv,)."""
     q = np.concatenate([motion.q[s] for s in motion.segments])
-    M = mean_inertia(plant, halton(postures, q.min(axis=0), q.max(axis=0)))
+    M = mean_inertia(plant, q.min(axis=0), q.max(axis=0))
     found = {"inertia": np.diag(M).copy(), **linear_terms(plant)}
     if plant.machine.passive:
         found["ground"] = ground = np.diag(M).copy()
@@ -71,16 +71,17 @@ def reacting(machine: Machine) -> dict[str, str]:
     return out
 
 
-def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
-    """Return the mean of M(q) over postures, shape (nv, nv)."""
-    zero = np.zeros_like(postures)
-    held = plant.rigid_effort(postures, zero, zero)
-    out = np.zeros((postures.shape[1], postures.shape[1]))
-    for i in range(len(out)):
-        unit = zero.copy()
-        unit[:, i] = 1.0
-        out[:, i] = np.mean(plant.rigid_effort(postures, zero, unit) - held, axis=0)
-    return out
+def mean_inertia(plant: OpenLoop, lower: Floats, upper: Floats, postures: int = 64) -> Floats:
+    """Return the mean of M(q) over postures between lower and upper, (nv,) each, shape (nv, nv)."""
+    from scipy.stats.qmc import Halton  # half a second, which simulating does not need
+
+    q = lower + Halton(len(lower), scramble=False).fast_forward(1).random(postures) * (upper - lower)
+    zero = np.zeros_like(q)
+    held = plant.rigid_effort(q, zero, zero)
+    return np.stack(
+        [np.mean(plant.rigid_effort(q, zero, zero + unit) - held, axis=0) for unit in np.eye(len(lower))],
+        axis=1,
+    )
 
 
 def generalised_disturbance(
@@ -150,11 +151,3 @@ def linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:
     """Return M_D a, C v and K q of a motion: ``inertia``, ``viscous`` and ``stiffness``, each of shape (n, nv)."""
     pairs = {"inertia": motion.a, "viscous": motion.v, "stiffness": motion.q}
     return {name: x * np.asarray(diagonal[name], dtype=float) for name, x in pairs.items()}
-
-
-def halton(count: int, lower: Floats, upper: Floats) -> Floats:
-    """Return the first points of a Halton sequence in a box, shape (count, nv), without its corner (Halton 1960)."""
-    from scipy.stats.qmc import Halton  # half a second, which simulating does not need
-
-    points = Halton(len(lower), scramble=False).fast_forward(1).random(count)
-    return np.asarray(lower) + points * (np.asarray(upper) - np.asarray(lower))

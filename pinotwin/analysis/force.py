@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
 from pinotwin.system.writing import as_path

@@ -19,7 +19,6 @@ from pinotwin.analysis.deflection import PassiveSpring, springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
 from pinotwin.errors import MachineError, TwinError, require
-from pinotwin.loop import LoopModel
 from pinotwin.machine import Machine, Passive
 from pinotwin.twin import Twin
 
@@ -108,18 +107,13 @@ def _with_servo(twin: Twin, posture: Mapping[str, float] | None, s: complex) -> 
     """Return the modes with every loop as its stiffness and damping at s [rad/s]."""
     stiffness, damping = {}, {}
     for name, loop in twin.loops.items():
-        answer = _response(loop, "u", s) / _response(loop, "e", s)
+        u, e = (np.polyval(loop.numerator(output, loop.disturbances[0])[0], s) for output in "ue")
+        answer = complex(u / e)
         c = answer.imag / s.imag
         stiffness[name] = float(answer.real - c * s.real)
         own = twin.diagonal["viscous"][twin.machine.axes[name].index]
         damping[name] = float(c + own)
     return modes(twin, posture, stiffness=stiffness, damping=damping)
-
-
-def _response(loop: LoopModel, output: str, s: complex) -> complex:
-    """Return the transfer function from the axis' own disturbance to an output at s."""
-    num, den = loop.numerator(output, loop.disturbances[0])
-    return complex(np.polyval(num, s) / np.polyval(den, s))
 
 
 def _springs(

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.bench.cases import Case
 from pinotwin.bench.catalogue import LOOP_ONLY
 from pinotwin.bench.plants import Placed, public_machine, virtual
-from pinotwin.bench.ratio import Powers, Run, left_of, noise_powers, over, powers, run
+from pinotwin.bench.ratio import Run, left_of, noise_powers, powers, run
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.trajectories.moves import Trajectory
@@ -95,26 +96,20 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
     pairs = zip(case.effects, alone, strict=True)
     sizes = tuple(_size(one[0], r, clean, noise, (machine, well)) for one, r in pairs)
     plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
-    courses = tuple(_course(one, clean) for one in alone) if plant else ()
+    courses = tuple(one.with_efforts(one.signals[0] - clean.signals[0]) for one in alone) if plant else ()
     return Produced(sealed, sizes, courses)
 
 
-def _course(ill: Run, clean: Run) -> Log:
-    """Return the run with, for its efforts, what they are more than without the effect."""
-    added = {f"{a}.u": of["u"] for a, of in ill.minus(clean).items()}
-    return Log({**ill.log, **added}, source="course")
-
-
 def _size(
-    effect: str, ill: Run, clean: Run, noise: Powers, model: tuple[Machine | None, VirtualMachine]
+    effect: str, ill: Run, clean: Run, noise: Floats, model: tuple[Machine | None, VirtualMachine]
 ) -> float:
-    """Return the size of one effect: what is left to see of it."""
-    difference = ill.minus(clean)
+    """Return the size of one effect, of the ``noise`` (2, axes) [SI²]: what is left to see of it."""
+    difference = ill.signals - clean.signals
     machine, truth = model
     if machine is None or effect in LOOP_ONLY:
-        signal = "e" if effect in LOOP_ONLY else "u"
-        return max(of[signal] for of in over(powers(difference), noise).values())
-    return max(left_of(difference, ill, machine, truth, noise).values())
+        rho = powers(difference) / np.maximum(noise, 1e-300)
+        return float(rho[1 if effect in LOOP_ONLY else 0].max())
+    return float(left_of(difference[0], ill, machine, truth, noise[0]).max())
 
 
 def make_twin(folder: Path, pair: tuple[str, int], seconds: float = 12.0) -> Path:

@@ -21,39 +21,41 @@ from pinotwin.trajectories.moves import Trajectory
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.withholding import changed
 
-Courses = Mapping[str, Mapping[str, Floats]]  # axis -> signal (``u``, ``e``) -> values [SI], shape (n,)
-Powers = Mapping[str, Mapping[str, float]]  # axis -> signal -> power [SI²]
-
 
 @dataclass(frozen=True)
 class Run:
-    """Tracking errors and efforts of one run."""
+    """Efforts and tracking errors of one run."""
 
-    signals: Courses
+    axes: Sequence[str]  # names
+    signals: Floats  # effort u, then tracking error e, of every axis [N or N·m, m or rad], shape (2, axes, n)
     log: Mapping[str, Floats]  # the run itself
 
-    def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
-        """Return the difference of every signal."""
-        return {a: {s: x - other.signals[a][s] for s, x in of.items()} for a, of in self.signals.items()}
+    def with_efforts(self, efforts: Floats) -> Log:
+        """Return the run with other efforts [N or N·m], shape (axes, n)."""
+        names = [f"{axis}.u" for axis in self.axes]
+        return Log({**self.log, **dict(zip(names, efforts, strict=True))}, source="course")
 
 
 def run(machine: VirtualMachine, path: Trajectory, *, noise: bool = False) -> Run:
     """Return a run with the seed that all runs of a comparison share."""
     log = machine.record(path, seed=1, noise=noise).log
-    signals = {a: {"u": log[f"{a}.u"], "e": log[f"{a}.qr"] - log[f"{a}.q"]} for a in machine.axes}
-    return Run(signals, log)
+    efforts = [log[f"{a}.u"] for a in machine.axes]
+    errors = [log[f"{a}.qr"] - log[f"{a}.q"] for a in machine.axes]
+    return Run(machine.axes, np.array([efforts, errors]), log)
 
 
-def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Powers:
-    """Return the noise of every signal: sensors plus scatter of friction, from the healthy truth."""
-    still = replace(machine, truth=replace(machine.truth, scatter=0.0))
-    sensors = run(still, path, noise=True).minus(clean)
-    sigma = machine.truth.scatter
-    levels = ("coulomb", "viscous") if sigma > 0.0 else ()
-    parts = [sensors, *(run(_scaled(machine, x, 1.0 + sigma), path).minus(clean) for x in levels)]
-    return {
-        a: {s: float(sum(np.mean(p[a][s] ** 2) for p in parts)) for s in ("u", "e")} for a in machine.axes
-    }
+def powers(signals: Floats) -> Floats:
+    """Return the power of every signal, shape (2, axes, n) [SI], as an array (2, axes) [SI²]."""
+    return np.asarray(np.mean(signals**2, axis=-1))
+
+
+def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Floats:
+    """Return the noise (2, axes) [SI²]: sensors plus scatter of friction, from the healthy truth."""
+    still, sigma = replace(machine, truth=replace(machine.truth, scatter=0.0)), machine.truth.scatter
+    noisy = [run(still, path, noise=True)]
+    if sigma > 0.0:
+        noisy += [run(_scaled(machine, level, 1.0 + sigma), path) for level in ("coulomb", "viscous")]
+    return np.sum([powers(x.signals - clean.signals) for x in noisy], axis=0)
 
 
 def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachine:
@@ -64,34 +66,23 @@ def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachin
     return replace(machine, truth=replace(machine.truth, axes=axes))
 
 
-def powers(difference: Courses) -> dict[str, dict[str, float]]:
-    """Return the power of every signal of a difference."""
-    return {a: {s: float(np.mean(x**2)) for s, x in of.items()} for a, of in difference.items()}
+def left_of(efforts: Floats, along: Run, machine: Machine, truth: VirtualMachine, noise: Floats) -> Floats:
+    """Return what of the power of efforts over the noise a machine's true columns leave, at 1200 rows of a run.
 
-
-def over(difference: Powers, noise: Powers) -> dict[str, dict[str, float]]:
-    """Return power over the noise, per axis and signal."""
-    return {a: {s: x / max(noise[a][s], 1e-300) for s, x in of.items()} for a, of in difference.items()}
-
-
-def left_of(
-    difference: Courses, along: Run, machine: Machine, truth: VirtualMachine, noise: Powers
-) -> dict[str, float]:
-    """Return the power of an effort over the noise [-] that a machine's true columns leave at 1200 rows of a run."""
-    # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
-    efforts = {f"{a}.u": of["u"] for a, of in difference.items()}
-    motion = prepare(machine, Log({**along.log, **efforts}))
+    ``efforts`` (axes, n) [N or N·m] and the power of their ``noise`` (axes,) give shape (axes,) [-].
+    """
+    # The efforts take their place in the log, so that they go through the filter of the motion.
+    motion = prepare(machine, along.with_efforts(efforts))
     effects = [at_truth(e, truth).fitted_to(motion) for e in machine.effects]
     pick = np.unique(np.linspace(0, len(motion) - 1, 1200).astype(int))
-    joints = np.array([motion.index(a) for a in difference], dtype=np.intp)
-    weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in difference], len(pick))
+    joints = np.array([motion.index(a) for a in along.axes], dtype=np.intp)
+    weight = np.repeat(1.0 / np.sqrt(np.maximum(noise, 1e-300)), len(pick))
     A = _design(motion, effects, pick, joints) * weight[:, None]
     y = np.nan_to_num(motion.u[np.ix_(pick, joints)]).T.reshape(-1) * weight
     size = np.linalg.norm(A, axis=0)
     A = A[:, size > 0.0] / size[size > 0.0]
     solved = np.linalg.solve(A.T @ A + 1e-9 * np.eye(A.shape[1]), A.T @ y)
-    left = (y - A @ solved).reshape(len(joints), -1)
-    return {a: float(np.mean(x**2)) for a, x in zip(difference, left, strict=True)}
+    return np.asarray(np.mean((y - A @ solved).reshape(len(joints), -1) ** 2, axis=1))
 
 
 def _design(motion: Motion, effects: Sequence[Effect], pick: Ints, joints: Ints) -> Floats:

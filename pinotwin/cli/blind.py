@@ -1,4 +1,4 @@
-"""``pinotwin blind [--machines ...] [--seeds N] --out DIR``: the withheld-effect bench, scored."""
+"""``pinotwin blind --machines emps --cases 4 --quick --out bench``: the withheld-effect bench, scored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin check MACHINE [LOG] [--out DIR]``."""
+"""``pinotwin check trunnion log.csv``: a machine, or a log of it, examined."""
 
 from __future__ import annotations
 

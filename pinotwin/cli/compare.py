@@ -1,4 +1,4 @@
-"""``pinotwin compare A B [MORE...] --out DIR``: twins or diagnoses side by side."""
+"""``pinotwin compare twin_march twin_june --log today.csv --out moved``: twins or diagnoses side by side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin demo``: a bundled machine from log to twin, a fault and its diagnosis; the real EMPS drive if at hand."""
+"""``pinotwin demo --out out/demo``: from log to twin, a fault, its diagnosis; the real EMPS drive if at hand."""
 
 from __future__ import annotations
 

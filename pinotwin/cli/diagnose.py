@@ -1,4 +1,4 @@
-"""``pinotwin diagnose TWIN|MACHINE [--each] LOG [LOG...] [--validate LOG...] --out DIR``."""
+"""``pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found``: a log against its model."""
 
 from __future__ import annotations
 

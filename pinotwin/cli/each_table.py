@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import traceback
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -35,9 +35,13 @@ class Table:
         self.kept, self.rows = len(kept), dict(kept)
 
     def __enter__(self) -> Table:
-        write_json(self.out / "each.json", self.document())
-        write_text(self.out / "each.csv", csv_text([COLUMNS, *map(_cells, self.rows.values())]))
+        self._write(self.rows.values())
         return self
+
+    def _write(self, rows: Iterable[Row]) -> None:
+        """Write both forms, as CSV these rows."""
+        write_json(self.out / "each.json", self.document())
+        write_text(self.out / "each.csv", csv_text([COLUMNS, *map(_cells, rows)]))
 
     def add(self, row: Row) -> None:
         """Take the row of an answer that is in its folder."""
@@ -55,10 +59,8 @@ class Table:
         return {"subject": self.subject, "counts": counts, "kept_of_an_earlier_run": self.kept, "logs": rows}
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        document = self.document()
         try:
-            write_json(self.out / "each.json", document)
-            write_text(self.out / "each.csv", csv_text([COLUMNS, *map(_cells, document["logs"])]))
+            self._write(self.document()["logs"])
         except OutputError:
             if error is None:  # else the first trouble is the one to tell
                 raise

@@ -1,4 +1,4 @@
-"""``pinotwin export TWIN --format urdf|mjcf|numpy|c --out FILE``."""
+"""``pinotwin export twin --format mjcf --out trunnion.xml``: a twin for other tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin force TWIN LOG --out FORCE.csv``."""
+"""``pinotwin force twin today.csv --out force.csv``: the external effort on every axis over time."""
 
 from __future__ import annotations
 

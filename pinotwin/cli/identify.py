@@ -1,4 +1,4 @@
-"""``pinotwin identify MACHINE LOG [LOG...] [--validate LOG] --out TWIN``."""
+"""``pinotwin identify trunnion log.csv --validate other.csv --out twin``: a twin from the logs of a machine."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
     from pinotwin.logs.prepared import Prepared
 
     for log in logs:
-        for finding in Prepared.of(machine, log).doubts:
+        for finding in Prepared(machine, log).doubts:
             if finding.severity == "warning":
                 yield f"note: {log.source}: {str(finding).removeprefix('warning: ')}"
 

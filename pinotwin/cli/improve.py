@@ -1,4 +1,4 @@
-"""``pinotwin improve MACHINE LOG [LOG...] --validate LOG --out TWIN``."""
+"""``pinotwin improve trunnion log.csv --validate other.csv --out twin``: a twin whose model gets what it lacks."""
 
 from __future__ import annotations
 

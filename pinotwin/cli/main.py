@@ -1,6 +1,7 @@
 """Entry point ``pinotwin``: parse, run the command, turn a known error into one line and exit code 2.
 
-A command is a module of this package, imported when called, whose ``run`` has its arguments (:mod:`.arguments`).
+A command is a module of this package, imported when called: its docstring begins with an example, its ``run`` has the
+arguments (:mod:`.arguments`).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import argparse
 import importlib
 import inspect
 import os
+import re
 import signal
 import sys
 import threading
@@ -41,27 +43,6 @@ COMMANDS: dict[str, str] = {  # command -> what it does
     "view": "show a machine in the browser, or as one self-contained page",
     "export": "write a twin for other tools: URDF, MuJoCo, NumPy or C",
     "demo": "the whole chain on a bundled machine, and on the real EMPS drive if it is at hand",
-}
-
-
-EXAMPLES: dict[str, str] = {  # command -> an example of its use
-    "check": "pinotwin check trunnion log.csv",
-    "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
-    "improve": "pinotwin improve trunnion log.csv --validate other.csv --out twin",
-    "update": "pinotwin update twin other.csv --out twin2",
-    "simulate": "pinotwin simulate twin other.csv --out predicted.csv",
-    "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
-    "force": "pinotwin force twin today.csv --out force.csv",
-    "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
-    "blind": "pinotwin blind --machines emps --cases 4 --quick --out bench",
-    "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
-    "orientation": "pinotwin orientation imu.csv --out orientation.csv",
-    "record": "pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv",
-    "view": "pinotwin view twin log.csv --html machine.html",
-    "export": "pinotwin export twin --format mjcf --out trunnion.xml",
-    "demo": "pinotwin demo --out out/demo",
-    "new": "pinotwin new XYZAC log.csv --out mymachine",
-    "study": "pinotwin study trunnion log.csv --only amount --out study",
 }
 
 
@@ -116,11 +97,13 @@ def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
             name,
             help=text,
             description=fill(text[0].upper() + text[1:] + ".", 80),
-            epilog=f"example:\n  {EXAMPLES[name]}",
             formatter_class=_help,
         )
         if name in commands:
-            add_arguments(command, command_of(name))
+            run = command_of(name)
+            example = re.search("``(.*?)``", sys.modules[run.__module__].__doc__ or "")
+            command.epilog = example and f"example:\n  {example[1]}"
+            add_arguments(command, run)
     return parser
 
 

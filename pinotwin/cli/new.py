@@ -1,4 +1,4 @@
-"""``pinotwin new AXES|URDF|NAME [LOG] --out DIR``."""
+"""``pinotwin new XYZAC log.csv --out mymachine``: a machine folder to start from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin orientation IMULOG --out ORIENTATION.csv``."""
+"""``pinotwin orientation imu.csv --out orientation.csv``: where an IMU points over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin record MACHINE --out LOG.csv [--seconds T] [--seed N] [--withhold ...]``."""
+"""``pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv``: a virtual machine's log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin simulate TWIN LOG --out PRED.csv``."""
+"""``pinotwin simulate twin other.csv --out predicted.csv``: a prediction from the command alone."""
 
 from __future__ import annotations
 

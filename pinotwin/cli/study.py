@@ -1,4 +1,4 @@
-"""``pinotwin study TWIN|MACHINE LOG [LOG...] --out DIR [--only ...] [--axis ...] [--window LOW,HIGH]``."""
+"""``pinotwin study trunnion log.csv --only amount --out study``: the source's studies on a machine and its logs."""
 
 from __future__ import annotations
 

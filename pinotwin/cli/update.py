@@ -1,4 +1,4 @@
-"""``pinotwin update TWIN LOG [LOG...] [--out TWIN]``."""
+"""``pinotwin update twin other.csv --out twin2``: a twin that takes in more logs."""
 
 from __future__ import annotations
 

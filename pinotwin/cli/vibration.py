@@ -1,4 +1,4 @@
-"""``pinotwin vibration MACHINE --servo LOG [LOG...] --imu LOG [LOG...] --out VIB.csv``."""
+"""``pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv``: the vibration of a joint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pinotwin view MACHINE|TWIN [LOG] [--posture Y=0.1,A=30deg] [--html FILE]``."""
+"""``pinotwin view twin log.csv --html machine.html``: a machine in the browser, or as one page."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.arguments import Answer, AnyNumber, File, Folder
 from pinotwin.cli.inputs import check_there
 from pinotwin.errors import InputError
-from pinotwin.system.writing import whole_folder
 
 if TYPE_CHECKING:
     from pinotwin.analysis.modal import Modes
@@ -68,16 +67,14 @@ def run(
     shown = None if mode is None else (_modes(subject, machine, posture, free, servo), mode)
     found = view(subject, log, posture=posture, overlay=second, mode=shown, frames=not no_frames)
     lines = [*(_mode_lines(*shown) if shown else ()), *found.notes]
-    page = html or (str(Path(out) / f"{found.name}.html") if out else None)
-    if html:
-        found.save(html)
-        lines.append(f"{found.name} written to {html}")
-    if out:
-        with whole_folder(out) as folder:
-            found.save(folder / f"{found.name}.html")
-        lines.append(f"{found.name} written to {Path(out) / found.name}.html")
-    facts = {"machine": found.name, "posture": found.posture, "log": log, "mode": mode}
-    return Answer(lines if page else _served(lines, found), {**facts, "html": page, "notes": found.notes})
+    pages = [html] if html else []
+    pages += [str(Path(out) / f"{found.name}.html")] if out else []
+    for page in pages:
+        found.save(page)
+        lines.append(f"{found.name} written to {page}")
+    facts: dict[str, Any] = {"machine": found.name, "posture": found.posture, "log": log, "mode": mode}
+    facts |= {"html": next(iter(pages), None), "notes": found.notes}
+    return Answer(lines if pages else _served(lines, found), facts)
 
 
 def _served(lines: Sequence[str], found: View) -> Iterator[str]:

@@ -6,39 +6,31 @@ The numbers are the change of the link's own parameters; ten free ones would imi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.parameters import BODY_NAMES, body_count, parameters, pseudo_inertia, with_parameters
+from pinotwin.dynamics.parameters import (
+    BODY_NAMES,
+    body_count,
+    dynamic_parameters,
+    parameters,
+    pseudo_inertia,
+    with_parameters,
+)
 from pinotwin.twin import Twin
 
 LEAST = 1e-3  # Mass that stays on a link from which more was taken off than the model has there [kg]
 UNKNOWN = 0.3  # Standard error from which a centre of mass is not determined [m]
 
 
-@dataclass(frozen=True)
-class Body:
-    """A body that was added to a link, or taken off it."""
+def centre_of(pi: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Return centre of mass in the frame of the joint and its standard errors [m], shape (3,) each.
 
-    mass: float  # [kg]; negative where it was taken off
-    mass_error: float  # standard error
-    centre: Floats  # centre of mass in the frame of the joint [m], shape (3,); NaN where not determined
-    centre_error: Floats  # standard errors, shape (3,)
-
-
-def body_of(pi: Floats, covariance: Floats) -> Body:
-    """Return the body whose ten parameters [m, m c, I ...] were found, with standard errors."""
-    m, error = float(pi[0]), float(np.sqrt(max(covariance[0, 0], 0.0)))
-    c, spread = _centre(pi, covariance)
-    told = spread < UNKNOWN
-    return Body(m, error, np.where(told, c, np.nan), np.where(told, spread, np.nan))
-
-
-def _centre(pi: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Return a centre of mass and its standard errors, shape (3,) each; inf where the mass is not determined."""
+    From the ten parameters [m, m c, I ...] that were found; errors are inf where the mass is not determined.
+    """
     m = float(pi[0])
     if abs(m) < 2.0 * float(np.sqrt(max(covariance[0, 0], 0.0))) or m == 0.0:
         return np.zeros(3), np.full(3, np.inf)
@@ -52,7 +44,7 @@ def possible(pi: Floats, covariance: Floats, model: pin.Model, *, removal: bool)
 
     A mass is positive unless taken off, and then no heavier than the machine; its centre lies no farther off than that.
     """
-    centre, spread = _centre(pi, covariance)
+    centre, spread = centre_of(pi, covariance)
     if not np.isfinite(spread).all():
         return True
     m, error = float(pi[0]), float(np.sqrt(max(covariance[0, 0], 0.0)))
@@ -79,12 +71,10 @@ def physical(pi: Floats) -> Floats:
     if m == 0.0:
         return np.zeros(10)
     h = body[1:4]
-    second = pseudo_inertia(body)[:3, :3] - np.outer(h, h) / m
-    values, axes = np.linalg.eigh(second)
-    about = (axes * np.maximum(values, 0.0)) @ axes.T + np.outer(h, h) / m
-    inertia = np.trace(about) * np.eye(3) - about
-    tensor = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return sign * np.concatenate([[m], h, tensor])
+    J, apart = pseudo_inertia(body), np.outer(h, h) / m
+    values, axes = np.linalg.eigh(J[:3, :3] - apart)
+    J[:3, :3] = (axes * np.maximum(values, 0.0)) @ axes.T + apart
+    return sign * dynamic_parameters(J)
 
 
 def plain_body(numbers: Floats) -> Floats:

@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 
 from pinotwin.diagnosis.conclusion.advice import advise, command
-from pinotwin.diagnosis.conclusion.explained import at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge, with_open_signals
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.days.account import Account, alike, evidence
+from pinotwin.diagnosis.days.account import Account, alike
 from pinotwin.diagnosis.days.answer import diagnosed
 from pinotwin.diagnosis.days.recording import doubted, proven
-from pinotwin.diagnosis.days.structure import Lacking, lacking
+from pinotwin.diagnosis.days.structure import lacking
 from pinotwin.diagnosis.phrases import recording_words
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.settings import SETTINGS
@@ -29,7 +28,7 @@ from pinotwin.diagnosis.signals.servo import limits
 from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.effects.known import EffectLike, kind_of, with_given
 from pinotwin.errors import DataError, InputError
-from pinotwin.logs.files.given import LogLike, as_logs
+from pinotwin.logs.files import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
 from pinotwin.system.phrases import JUDGED
@@ -91,8 +90,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
     rng, every = np.random.default_rng([seed, 3]), [*c.logs, *c.validation]
     shaken = look_at_vibration(subject, every, sealed, labels(c.motions), rng)
-    more = at_one_gap(shaken.effects, {x: {"v": g} for x, g in shaken.gaps.items()})
-    found = diagnosed(c, more, options)
+    found = diagnosed(c, shaken.effects, options)
     if found is None:
         if c.change and len(logs) > 1 and c.new.motion.qr is not None:
             # no law of a controller tells the runs apart
@@ -116,14 +114,15 @@ def _by_structure(c: Comparison, shaken: Vibrations, tell: Tell, options: Mappin
     account = Account(found)
     noise, kind = noise_levels(c)
     gaps = gap_table(c, account.together, noise)
-    levels = {j: gaps[c.machine.names[j]]["u"].rms for j in c.new.joints}
-    named = with_encoders(account.found(levels), measured, leave_out)
+    named = with_encoders(account.found(gaps), measured, leave_out)
     limited = limits(c, leave_out) if options["closed_loop"] and not faults else []
-    others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
-    others |= {x: {"v": g} for x, g in shaken.gaps.items()}
-    named = at_one_gap([*named, *limited, *shaken.effects], others)
-    told = _with_encoders(_concluded(c, found, account, gaps, kind, named), measured)
-    return _with_faults(told, faults) if faults else told
+    every = [*named, *limited, *shaken.effects]
+    told = _with_encoders(_concluded(c, account, gaps, kind, every), measured)
+    if not faults:
+        return told
+    sentence = JUDGED["recording"].format(faults=recording_words(faults))  # nothing is said of the machine
+    open_ = {k: {"u": 1.0} for k in doubted(faults, told.gap)}
+    return replace(told, sentence=sentence, recording=faults, unexplained=open_)
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
@@ -138,24 +137,15 @@ def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
     return replace(d, gap=gap, where=[*d.where, *where], advice=[*d.advice, *notes])
 
 
-def _with_faults(d: Diagnosis, faults: Sequence[Mapping[str, Any]]) -> Diagnosis:
-    """Return the diagnosis of a recording that is at fault: nothing is said of the machine."""
-    sentence = JUDGED["recording"].format(faults=recording_words(faults))
-    return replace(
-        d, sentence=sentence, recording=faults, unexplained={k: {"u": 1.0} for k in doubted(faults, d.gap)}
-    )
-
-
 def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:
     """Return the diagnosis with what the measured vibration of passive joints says."""
     gap = {**d.gap, **{joint: {"v": g} for joint, g in v.gaps.items()}}
-    shrink = {**d.shrink, **{x: {"v": stated_of(v.gaps[x].rms, s)} for x, s in v.shrinks.items()}}
+    shrink = {**d.shrink, **{str(e.axis): e.shrink for e in v.effects}}
     return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 
 def _concluded(
     c: Comparison,
-    found: Lacking,
     account: Account,
     gaps: Mapping[str, Mapping[str, Gap]],
     kind: str,
@@ -179,22 +169,18 @@ def _concluded(
         effects=named,
         confusable=groups,
         unexplained=unexplained,
-        remains={**account.patterns, **c.gate.nameless, **c.gate.silent},
+        remains={**account.patterns, **c.gate.remains},
         noise=kind,
         advice=[*advice, *notes],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
-        shrink={
-            axis: {"u": account.together[j].shrink(gaps[axis]["u"].rms, axis)}
-            for j, axis in enumerate(c.machine.names)
-            if j in account.together
-        },
+        shrink={x: {"u": y.shrink(gaps[x]["u"].rms, x)} for x, y in account.together.items()},
         traces=account.traces(),
         machine=c.machine.name,
         commands={f"advice_{k}.csv": command(c.machine, c.new.motion, k, axis) for k in motions[:2]},
         possible=possible,
-        evidence=evidence(found)[:20],
+        evidence=account.evidence()[:20],
     )
 
 

@@ -22,6 +22,11 @@ class Settings:
         told: the least number worth a word, by group: of a gain its change, of two encoders tenths of a millimetre.
         likely: probability of a cause that has acted from which it is named.
         prior_days: how many days that prior counts for.
+        rate: rows a second [Hz] of what a model lacks; beyond half of it a drive holds its effort otherwise.
+        floor: of an effort's variation, what no model leaves less than.
+        wide: prior width of the twin's columns, in units of the noise.
+        late: standard deviation of half of a drive's cycle [s]. blur: of a row's smoothing of the effort [1].
+        far: standard deviations from which that is no habit of a healthy axis, but a finding.
     """
 
     corner: float = 25.0
@@ -36,6 +41,12 @@ class Settings:
     told: dict[str, float] = field(default_factory=lambda: {"law": 0.01, "play": 0.02, "encoder": 0.02})
     likely: float = 0.5
     prior_days: int = 3
+    rate: float = 100.0
+    floor: float = 0.005
+    wide: float = 1e3
+    late: float = 2.5e-4
+    blur: float = 0.25
+    far: float = 3.0
     widths: dict[str, float] = field(
         default_factory=lambda: {
             "friction": 0.05,

@@ -139,15 +139,8 @@ def rotary(model: pin.Model) -> tuple[bool, ...]:
     return tuple(bool(np.linalg.norm(column[3:]) > 0.5) for column in J.T)
 
 
-BASIS = np.zeros((10, 4, 4))  # pseudo-inertia of each parameter alone at one
-BASIS[0, 3, 3] = 1.0
-for _k, (_i, _j) in enumerate([(0, 3), (1, 3), (2, 3)], 1):
-    BASIS[_k, _i, _j] = BASIS[_k, _j, _i] = 1.0
-for _k, (_i, _j) in {5: (0, 1), 7: (0, 2), 8: (1, 2)}.items():
-    BASIS[_k, _i, _j] = BASIS[_k, _j, _i] = -1.0
-for _k, _i in {4: 0, 6: 1, 9: 2}.items():
-    BASIS[_k, range(3), range(3)] = 0.5
-    BASIS[_k, _i, _i] = -0.5
+# pseudo-inertia of each parameter alone at one
+BASIS = np.array([pin.PseudoInertia.FromDynamicParameters(alone).toMatrix() for alone in np.eye(10)])
 
 
 def pseudo_inertia(pi: Floats) -> Floats:

@@ -22,117 +22,81 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.parameters import joint_axis, parameter_count
 from pinotwin.errors import MachineError
 
-Node: TypeAlias = tuple[str, int, int, float]
-"""kind, first and second node (or number of the input), and sign of the second or the constant."""
+Operation: TypeAlias = tuple[int, int, int, float]
+"""a, b and c, nodes before it, and s; a product has ``zero`` for c, a sum ``one`` for b."""
 
 
 class Trace:
-    """The list of nodes under construction: products and sums, constants folded, products fused into sums."""
+    """The list of nodes under construction, constants folded: inputs, constants, operations."""
 
     def __init__(self, inputs: int) -> None:
-        self.inputs = inputs
-        self.nodes: list[Node] = []
-        self._known: dict[Node, int] = {}
+        self.nodes: list[Operation | float | None] = [None] * inputs
+        self._known: dict[Operation | float, int] = {}
+        self.zero, self.one = self.node(0.0), self.node(1.0)
 
-    def input(self, k: int) -> Symbol:
-        """Return the k-th input."""
-        return Symbol(self, self._node(("in", k, 0, 0.0)), 1.0)
-
-    def constant(self, value: float) -> int:
-        """Return the node of a positive constant."""
-        return self._node(("const", 0, 0, float(value)))
+    def node(self, made: Operation | float) -> int:
+        """Return the node of a constant or an operation."""
+        if made not in self._known:
+            self._known[made] = len(self.nodes)
+            self.nodes.append(made)
+        return self._known[made]
 
     def product(self, i: int, j: int) -> int:
         """Return the node of a product; two constant factors become one."""
-        a, b = sorted((i, j), key=lambda k: self.nodes[k][0] != "const")
-        kind, first, second, _ = self.nodes[b]
-        if self.nodes[a][0] == "const" and kind == "mul" and self.nodes[first][0] == "const":
-            a, b = self.constant(self.nodes[a][3] * self.nodes[first][3]), second
-        if self.nodes[a][0] != "const":
-            a, b = min(a, b), max(a, b)
-        return self._node(("mul", a, b, 1.0))
+        a, b = sorted((i, j), key=lambda k: (not isinstance(self.nodes[k], float), k))
+        factor, other = self.nodes[a], self.nodes[b]
+        if isinstance(factor, float) and isinstance(other, tuple) and other[2] == self.zero:
+            inner = self.nodes[other[0]]
+            if isinstance(inner, float):
+                a, b = self.node(factor * inner), other[1]
+        return self.node((a, b, self.zero, 1.0))
 
     def sum(self, i: int, j: int, sign: float) -> tuple[int, float]:
         """Return node and sign of ``i + sign j``."""
         if i == j:
-            return (self.product(self.constant(2.0), i), 1.0) if sign > 0 else (-1, 0.0)
+            return (self.product(self.node(2.0), i), 1.0) if sign > 0 else (-1, 0.0)
         flip = -1.0 if (sign < 0 and j < i) else 1.0
-        return self._node(("add", min(i, j), max(i, j), sign)), flip
-
-    def _node(self, node: Node) -> int:
-        if node not in self._known:
-            self._known[node] = len(self.nodes)
-            self.nodes.append(node)
-        return self._known[node]
+        return self.node((max(i, j), self.one, min(i, j), sign)), flip
 
     def compile(self, outputs: Sequence[Expression]) -> tuple[Floats, Ints, Floats, list[int]]:
         """Return start values, operations (a, b, c), signs, and the place of every output."""
         ends = [self._signed(x) for x in outputs]
-        uses = self._uses(ends)
-        place: dict[int, int] = {}
-        start = [0.0] * self.inputs + [0.0, 1.0]
-        for k, (kind, first, _, value) in enumerate(self.nodes):
-            if uses[k] and kind == "const":
-                place[k] = len(start)
-                start.append(value)
-            elif kind == "in":
-                place[k] = first
-        fused = self._fused(uses)
-        ops: list[tuple[int, int, int]] = []
-        sign: list[float] = []
-        for k, (kind, i, j, s) in enumerate(self.nodes):
-            if not uses[k] or kind in ("in", "const") or k in fused:
-                continue
-            op, s = self._operation(kind, i, j, s, fused, place)
-            ops.append(op)
-            place[k] = len(start) + len(ops) - 1
-            sign.append(s)
-        table = np.array(ops, dtype=np.intp).reshape(-1, 3)
-        return np.array(start), table, np.array(sign), [place[k] for k in ends]
+        found = {k: x for k, x in enumerate(self.nodes) if isinstance(x, tuple)}
+        uses = self._uses(found, ends)
+        self._fuse(found, uses)
+        ops = {k: x for k, x in found.items() if uses[k]}
+        constants = {k: x for k, x in enumerate(self.nodes) if uses[k] and isinstance(x, float)}
+        inputs = [k for k, x in enumerate(self.nodes) if x is None]
+        place = {k: at for at, k in enumerate([*inputs, *constants, *ops])}
+        start = np.array([*np.zeros(len(inputs)), *constants.values()])
+        table = np.array([[place[k] for k in x[:3]] for x in ops.values()], dtype=np.intp).reshape(-1, 3)
+        return start, table, np.array([sign for *_, sign in ops.values()]), [place[k] for k in ends]
 
     def _signed(self, x: Expression) -> int:
         """Return the node that is ``x`` itself, sign included."""
         if not isinstance(x, Symbol):
-            return self.constant(float(x))
-        if x.sign > 0:
-            return x.node
-        return self._node(("mul", self.constant(-1.0), x.node, 1.0))
+            return self.node(float(x))
+        return x.node if x.sign > 0 else self.node((self.node(-1.0), x.node, self.zero, 1.0))
 
-    def _uses(self, ends: Sequence[int]) -> list[int]:
+    def _uses(self, ops: dict[int, Operation], ends: Sequence[int]) -> list[int]:
         """Return how often each node is used by the outputs; an output counts as two."""
         uses = [0] * len(self.nodes)
         for k in ends:
             uses[k] += 2
-        for k in reversed(range(len(self.nodes))):
-            kind, i, j, _ = self.nodes[k]
-            if uses[k] and kind in ("mul", "add"):
-                uses[i] += 1
-                uses[j] += 1
+        for k in reversed(ops):
+            for used in ops[k][:3] if uses[k] else ():
+                uses[used] += 1
         return uses
 
-    def _fused(self, uses: Sequence[int]) -> set[int]:
-        """Return the products that live in the one sum that uses them; at most one a sum."""
-        found: set[int] = set()
-        for k, (kind, i, j, sign) in enumerate(self.nodes):
-            if uses[k] and kind == "add":
-                terms = [j] if sign < 0 else [j, i]
-                own = [x for x in terms if uses[x] == 1 and self.nodes[x][0] == "mul"]
-                found.update(own[:1])
-        return found
-
-    def _operation(
-        self, kind: str, i: int, j: int, sign: float, fused: set[int], place: dict[int, int]
-    ) -> tuple[tuple[int, int, int], float]:
-        """Return a, b, c and s of one node."""
-        zero, one = self.inputs, self.inputs + 1
-        if kind == "mul":
-            return (place[i], place[j], zero), 1.0
-        if i in fused:
-            i, j = j, i
-        if j in fused:
-            _, a, b, _ = self.nodes[j]
-            return (place[a], place[b], place[i]), sign
-        return (place[j], one, place[i]), sign
+    def _fuse(self, ops: dict[int, Operation], uses: list[int]) -> None:
+        """Let products live in the one sum that uses them; at most one a sum."""
+        for k, (j, b, i, sign) in ops.items():
+            if uses[k] and b == self.one:
+                for own, rest in [(j, i)] if sign < 0 else [(j, i), (i, j)]:
+                    if uses[own] == 1 and own in ops and ops[own][2] == self.zero:
+                        ops[k] = (*ops[own][:2], rest, sign)
+                        uses[own] = 0
+                        break
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +118,7 @@ class Symbol:
         size, sign = abs(float(other)), float(np.sign(other))
         if size == 0.0:
             return 0.0
-        node = self.node if size == 1.0 else self.trace.product(self.trace.constant(size), self.node)
+        node = self.node if size == 1.0 else self.trace.product(self.trace.node(size), self.node)
         return Symbol(self.trace, node, sign * self.sign)
 
     __rmul__ = __mul__
@@ -165,7 +129,7 @@ class Symbol:
                 return NotImplemented
             if other == 0.0:
                 return self
-            other = Symbol(self.trace, self.trace.constant(abs(float(other))), float(np.sign(other)))
+            other = Symbol(self.trace, self.trace.node(abs(float(other))), float(np.sign(other)))
         node, sign = self.trace.sum(self.node, other.node, self.sign * other.sign)
         # i + s j, or j + s i = s (i + s j): the sign of the first term comes out in front.
         return 0.0 if node < 0 else Symbol(self.trace, node, sign * self.sign)
@@ -233,10 +197,10 @@ class _Bodies:
         self.parent = [int(k) - 1 for k in list(model.parents)[1:]]
         self.armature = pi[10 * nv :]
         self.gravity = _clean(np.array(model.gravity.linear))
-        self.v = [trace.input(3 * nv + i) for i in range(nv)]
+        self.v = [Symbol(trace, 3 * nv + i, 1.0) for i in range(nv)]
         self.revolute, self.axis, self.R, self.p, self.body = [], [], [], [], []
         for i in range(nv):
-            c, s, q = (trace.input(k * nv + i) for k in range(3))
+            c, s, q = (Symbol(trace, k * nv + i, 1.0) for k in range(3))
             turns, axis = _axis(model, i + 1)
             R0, p0 = model.jointPlacements[i + 1].rotation, model.jointPlacements[i + 1].translation
             along = R0 @ np.outer(axis, axis)  # Rodrigues: R0 (a a^T + cos q (1 - a a^T) + sin q skew(a))

@@ -28,6 +28,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
 from pinotwin.errors import DataError
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.units import of_axis
 
 Cause = Literal[
     "stiffness",
@@ -293,8 +294,7 @@ class OneAxis(Effect):
 
     def unit(self, of: str) -> str:
         """Return a unit in which F, x and I stand for that of effort, position and inertia."""
-        own = ("N·m", "rad", "kg·m²") if self.rotary else ("N", "m", "kg")
-        return of.translate(dict(zip(map(ord, "FxI"), own, strict=True)))
+        return of_axis(of, self.rotary)
 
 
 def usual(linear: float, rotary: float) -> Any:

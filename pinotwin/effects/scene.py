@@ -98,12 +98,12 @@ class Shaking(OneAxis):
     load: float = 1.0
 
     @abc.abstractmethod
-    def swing(self, motion: Motion) -> Columns:
-        """Return the columns of its own axis alone."""
+    def swing(self, motion: Motion) -> Floats:
+        """Return the columns of its own axis alone, shape (n, p)."""
 
     def columns(self, motion: Motion) -> Columns:
         joints, pushes = self.felt(motion)
-        return Columns(joints, self.swing(motion).values * pushes[:, :, None])
+        return Columns(joints, self.swing(motion)[:, None] * pushes[:, :, None])
 
     def felt(self, motion: Motion) -> tuple[tuple[int, ...], Floats]:
         """Return the joints that feel it, its own first, and how much of its swing each does, shape (n, k) [1]."""

@@ -136,11 +136,10 @@ class EncoderError(Shaking):
         each = sight.travel / np.arange(float(WAVES[0]), float(WAVES[-1]), 0.25)
         return self.over([p for p in each if low <= p <= shape.upper])
 
-    def swing(self, motion: Motion) -> Columns:
+    def swing(self, motion: Motion) -> Floats:
         own, k = motion.axis(self.axis), TURN / self.period
         c, s = np.cos(k * own.q), np.sin(k * own.q)
         bend = np.stack(
             [-k * k * c * own.v**2 - k * s * own.a, -k * k * s * own.v**2 + k * c * own.a], axis=-1
         )
-        pushed = -inertia(self, motion, own.index)[:, None] * motion.passed(bend)
-        return Columns((own.index,), pushed[:, None])
+        return -inertia(self, motion, own.index)[:, None] * motion.passed(bend)

@@ -16,61 +16,59 @@ from pinotwin.effects.sight import Sight
 from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 
-CONTROLLER = "belongs to the controller, which identify finds from the logged command"
 AT_LIMIT = 2e-3  # Share of rows that a drive must spend at its limit, and how near to it they are
 
 
-def _rates(effect: OneAxis, motion: Motion) -> Floats:
-    """Return velocity and acceleration of the command on the effect's axis, shape (n, 2)."""
-    if motion.qr is None or motion.vr is None or motion.ar is None:
-        raise DataError(f"{effect.axis}.{effect.name}: the log has no command; log {effect.axis}.qr")
-    joint = motion.index(effect.axis)
-    return np.stack([motion.vr[:, joint], motion.ar[:, joint]], axis=-1)
+@dataclass(frozen=True)
+class Commanded(OneAxis):
+    """What a controller makes of its command."""
+
+    family = SERVO
+    unlisted = "belongs to the controller, which identify finds from the logged command"
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """Return the effect; only a log with a command shows it."""
+        return () if motion.vr is None else (self,)
+
+    def rates(self, motion: Motion) -> Floats:
+        """Return velocity and acceleration of the command on the axis, shape (n, 2); DataError without one."""
+        if motion.qr is None or motion.vr is None or motion.ar is None:
+            raise DataError(f"{self.axis}.{self.name}: the log has no command; log {self.axis}.qr")
+        joint = motion.index(self.axis)
+        return np.stack([motion.vr[:, joint], motion.ar[:, joint]], axis=-1)
 
 
 @dataclass(frozen=True)
-class Feedforward(OneAxis):
+class Feedforward(Commanded):
     """Effort that the controller adds from the command: tau = K_v vr + K_a ar."""
 
     name = "feedforward"
-    family = SERVO
     title = "Feed-forward"
     words = "the controller's feed-forward of speed or acceleration is not what the model holds"
     remedy = "read the feed-forward gains of the drive, or switch them off, and record once more"
     colour = "#6f6fc9"
     linear = (Coefficient("K_v", "F·s/x"), Coefficient("K_a", "I"))
     imitates = ("loop_gain", "rigid_body", "viscous")
-    unlisted = CONTROLLER
-
-    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return the effect; only a log with a command shows it."""
-        return () if motion.vr is None else (self,)
 
     def columns(self, motion: Motion) -> Columns:
-        return Columns((motion.index(self.axis),), _rates(self, motion)[:, None, :])
+        return Columns((motion.index(self.axis),), self.rates(motion)[:, None, :])
 
 
 @dataclass(frozen=True)
-class LoopGain(OneAxis):
+class LoopGain(Commanded):
     """Gains of the controller that have changed: tau = dK_p e + dK_d e' + dK_i int(e), e = qr - q."""
 
     name = "loop_gain"
-    family = SERVO
     title = "Gain of the controller"
     words = "a gain of the controller is not what it was"
     remedy = "compare the drive's parameters with the backup; look for a change of mode or gain set"
     colour = "#9467bd"
     linear = (Coefficient("dK_p", "F/x"), Coefficient("dK_d", "F·s/x"), Coefficient("dK_i", "F/(x·s)"))
     imitates = ("feedforward", "saturation")
-    unlisted = CONTROLLER
-
-    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return the effect; only a log with a command shows it."""
-        return () if motion.qr is None else (self,)
 
     def columns(self, motion: Motion) -> Columns:
         """Return e, e' and the integral of e, which starts at zero in every stretch."""
-        vr = _rates(self, motion)[:, 0]
+        vr = self.rates(motion)[:, 0]
         own = motion.axis(self.axis)
         e = motion.error[:, own.index]
         total = np.zeros_like(e)

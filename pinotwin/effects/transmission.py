@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Coefficient, Columns, Effect, Shape, usual
+from pinotwin.effects.effect import Coefficient, Effect, Shape, usual
 from pinotwin.effects.family import TRANSMISSION
 from pinotwin.effects.scene import Shaking, inertia
 from pinotwin.effects.sight import Sight
@@ -136,7 +136,7 @@ class _Flexible(Shaking):
             return ()
         return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), 15), DAMPING)
 
-    def swing(self, motion: Motion) -> Columns:
+    def swing(self, motion: Motion) -> Floats:
         joint = motion.index(self.axis)
         own = inertia(self, motion, joint)
         itself = own * motion.a[:, joint]
@@ -151,7 +151,7 @@ class _Flexible(Shaking):
             at = slice(part.start + _steadiest(load[part], 1.0 / self.frequency, motion.step), part.stop)
             if at.stop > at.start:
                 out[at] = _sprung(load[at], ratio[at], w, self.damping, motion.step) - load[at]
-        return Columns((joint,), out[:, None, None])
+        return out[:, None]
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ class Backlash(Shaking):
         bodies = [replace(self, load=x) for x in ((0.65, 0.8) if self.rotary else (0.65,))]
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
-    def swing(self, motion: Motion) -> Columns:
+    def swing(self, motion: Motion) -> Floats:
         joint = motion.index(self.axis)
         rigid = self.channel(motion, "rigid")[:, joint]
         own, a = inertia(self, motion, joint), motion.a[:, joint]
@@ -252,4 +252,4 @@ class Backlash(Shaking):
                 pieces = (q[part], extra[part], ratio[part])
                 out[part] = _carried(*pieces, self.gap, w, self.damping, motion.step)
         values = self.load * own * out - rigid + (1.0 - self.load) * own * a
-        return Columns((joint,), motion.passed(values)[:, None, None])
+        return motion.passed(values)[:, None]

@@ -33,7 +33,7 @@ def mjcf_files(twin: Twin, inverse: Inverse, stem: str) -> tuple[dict[str, bytes
     out = [f"left out: {', '.join(native.inexpressible)}"] if native.inexpressible else []
     files = {
         f"{stem}.xml": _model(twin, inverse, native, {"shapes": shapes, "meshes": meshes}),
-        f"{stem}_passive.py": _passive(twin, native, stem, out).encode(),
+        f"{stem}_passive.py": _passive(twin, inverse, native, stem, out).encode(),
     }
     odd = impossible_bodies(twin.model)
     if odd:
@@ -120,7 +120,7 @@ def _motors(twin: Twin) -> list[_Attributes]:
     return out
 
 
-def _passive(twin: Twin, native: Native, stem: str, left_out: list[str]) -> str:
+def _passive(twin: Twin, inverse: Inverse, native: Native, stem: str, left_out: list[str]) -> str:
     """Return the text of the module beside the MJCF file, whose name without its suffix is ``stem``."""
     names = [part.joint for part in sorted(twin.machine.parts, key=lambda part: part.index)]
     text = asset("pinotwin.export", "passive.py")
@@ -132,7 +132,7 @@ def _passive(twin: Twin, native: Native, stem: str, left_out: list[str]) -> str:
         name=twin.machine.name,
         left_out=left_out,
         runtime=core,
-        data=literal(native.rest | {"joints": names, "whole": native.dry}),
+        data=literal(native.rest | {"joints": names, "whole": inverse.data["dry"]}),
         passive=own,
     )
 
@@ -157,7 +157,6 @@ class Native:
     friction: Floats  # dry friction, the same at every speed and both ways [N or N·m], shape (nv,)
     ties: tuple[Tie, ...]  # motors that turn two joints
     rest: dict[str, Any]  # what is left, as :class:`pinotwin.export.runtime.Friction` takes it
-    dry: list[dict[str, Any]]  # all dry friction, for a model whose own is switched off
     inexpressible: tuple[str, ...]  # what neither part can hold, in words
 
 
@@ -189,7 +188,7 @@ def split(data: dict[str, Any]) -> Native:
     rest = {key: data[key] for key in ("names", "position", "velocity", "slip")}
     rest |= {"viscous": left.tolist(), "stiffness": [0.0] * nv, "dry": dry, "coupled": []}
     stiffness = np.array(data["stiffness"], dtype=float)
-    return Native(armature, damping, stiffness, friction, tuple(ties), rest, data["dry"], tuple(lost))
+    return Native(armature, damping, stiffness, friction, tuple(ties), rest, tuple(lost))
 
 
 def _pair(i: int, j: int) -> tuple[int, int]:

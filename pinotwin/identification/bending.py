@@ -19,7 +19,6 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.identification.plant import fit_plant, open_loop
 from pinotwin.identification.settings import USUAL, Settings
-from pinotwin.identification.springs import keep_spring
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -89,12 +88,6 @@ class Bending:
             v = load_of(self.machine, self.beta, motion, spring.index).response(spring)[1]
             channels[f"{spring.name}.v"] = np.interp(log.t, motion.t, v)
         return log.with_channels(channels)
-
-    def completed(self, plant: OpenLoop, settings: Settings) -> OpenLoop:
-        """Return the plant with the springs by which its logs were bent."""
-        for spring in self.springs:
-            plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping), settings)
-        return plant
 
 
 def holds(log: Log, joint: str) -> bool:

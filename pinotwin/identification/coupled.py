@@ -140,11 +140,11 @@ def _refinable(
 def in_steps(found: Servos, raw: Motion) -> Servos:
     """Return the controllers closed on a position in the steps in which the log has it, where it has any."""
     steps = {name: lattice(raw.regulated[:, raw.index(name)]) or (0.0, 0.0) for name in found.servos}
-
-    def stepped(laws: Mapping[str, Servo]) -> dict[str, Servo]:
-        return {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
-
-    return replace(found, servos=stepped(found.servos), trials=stepped(found.trials))
+    servos, trials = (
+        {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
+        for laws in (found.servos, found.trials)
+    )
+    return replace(found, servos=servos, trials=trials)
 
 
 def with_factors(plant: Plant, factors: Mapping[str, Factors]) -> Plant:

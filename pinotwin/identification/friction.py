@@ -75,14 +75,10 @@ def at_one_speed(
     """
     fit, motion, near, sums = plant.fit, plant.motion, settings.one_speed, {}
     determined, groups = fit.determined.copy(), list(fit.groups)
-    friction = [
-        (effect, where)
-        for effect, where in zip(plant.effects, effect_slices(plant.effects), strict=True)
-        if effect.axis and effect.depends in ("direction", "velocity")
-    ]
+    pairs = list(zip(plant.effects, effect_slices(plant.effects), strict=True))
     for joint in fit.problem.slices:
         name, v, moving = motion.names[joint], motion.v[:, joint], motion.moving(joint)
-        mine = [(effect, where) for effect, where in friction if effect.axis == name]
+        mine = [(e, s) for e, s in pairs if e.axis == name and e.depends in ("direction", "velocity")]
         if len({effect.depends for effect, _ in mine}) < 2 or not v[moving].any():
             continue
         speeds = np.sort(np.abs(v[moving]))

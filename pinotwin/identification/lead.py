@@ -8,7 +8,8 @@ friction turns is no lead. Real drives show 0.8 to 3.2 ms, joint torque sensors 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,6 @@ from pinotwin.solve.problem import Problem
 _ORDER = 4  # of the low-pass that the effort went through
 
 
-@dataclass(frozen=True)
-class Lead:
-    """Time by which a logged effort is ahead of the position."""
-
-    seconds: float  # the time [s]; negative when the effort comes late
-    error: float  # standard error [s]
-    significant: bool  # whether the effort should be put back by it
-
-
 def find_leads(
     machine: Machine,
     plant: Plant,
@@ -45,12 +37,14 @@ def find_leads(
     worth: float = 0.05,
     finest: float = 0.025,
     fast: float = 0.1,
-) -> dict[str, Lead]:
+) -> dict[str, dict[str, Any]]:
     """Return the lead of every axis that the log tells, from rows faster than the share ``fast`` of its top speed.
 
-    One is significant that is ``sure`` of its standard errors from zero, shorter than ``longest`` [s] (18 ms is the
-    longest seen on a drive; more is another fault of the model) and explains the share ``worth`` of the residual's
-    power. The sampling of a controller leaves a standard error of ``finest`` steps of the log in any case.
+    ``lead`` is the time by which the effort is ahead of the position, negative when it comes late, beside its
+    ``standard_error`` [s]. It is ``significant``, to be put back, where it is ``sure`` of these from zero, shorter than
+    ``longest`` [s] (18 ms is the longest seen on a drive; more is another fault of the model) and explains the share
+    ``worth`` of the residual's power. The sampling of a controller leaves a standard error of ``finest`` steps of the
+    log in any case.
     """
     motion, top = plant.motion, np.abs(plant.motion.v).max(axis=0, initial=0.0)
     rows = choose_rows(replace(motion, use=np.ones_like(motion.use)))  # unbroken, to be differentiated
@@ -83,7 +77,7 @@ def find_leads(
         share = 1.0 - float(np.sum(fit.residual[own] ** 2) / max(np.sum(before[own] ** 2), 1e-300))
         error = float(np.hypot(spread, finest * motion.step))
         significant = sure * error < abs(lead) < longest and share > worth
-        out[name] = Lead(float(lead), error, bool(significant))
+        out[name] = {"lead": float(lead), "standard_error": error, "significant": bool(significant)}
     return out
 
 

@@ -1,49 +1,17 @@
-"""What the stages of the closed loops share: an axis' data, their first part, errors, and what was found."""
+"""What the stages of the closed loops share: an axis' data, their first part, and errors."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect
 from pinotwin.errors import DataError
-from pinotwin.identification.refine import AxisEffects
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop import LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
-from pinotwin.twin import OpenLoop, Parameters
-from pinotwin.twin.parameters import verdict
 
 TRAINED = 2.0 / 3.0  # Share of the log on which the orders are compared; the rest judges them
-
-
-@dataclass
-class Loops:
-    """Closed loops as found, and what they say of the plant."""
-
-    effects: tuple[Effect, ...]  # the twin's effects, with shapes refined where that paid
-    theta: Floats  # the twin's coefficients, likewise
-    models: dict[str, LoopModel] = field(default_factory=dict)  # black box of each axis
-    refined: dict[str, AxisEffects] = field(default_factory=dict)  # their effects, with standard errors
-    quality: dict[str, Any] = field(default_factory=dict)  # per axis the errors of both, and what was chosen
-    notes: list[str] = field(default_factory=list)  # axes that were left out, and why
-
-    def table(self, plant: OpenLoop) -> Parameters:
-        """Return the table of a plant with the rows that the loops refined."""
-        rows = {row.name: row for row in plant.parameters}
-        keys = dict(zip(map(id, self.effects), plant.keys, strict=True))
-        for axis in self.refined.values():
-            for effect, name, value, error in axis.numbers():
-                row = rows[f"{keys[id(effect)]}.{name}"]
-                known = row.determined and bool(np.isfinite(error)) and error > 0.0
-                word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
-                row = replace(row, value=value, error=error if known else np.nan, determined=known)
-                rows[row.name] = replace(row, verdict=word, dof=np.inf)
-        return Parameters(rows.values())
 
 
 def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:

@@ -24,8 +24,8 @@ from pinotwin.identification.coupled import (
     with_factors,
 )
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
-from pinotwin.identification.loop_parts import Loops, both_errors, errors, first_part, loop_data, score
-from pinotwin.identification.refine import AxisEffects, axis_effects, refine
+from pinotwin.identification.loop_parts import both_errors, errors, first_part, loop_data, score
+from pinotwin.identification.refine import AxisEffects, axis_effects, refine, with_refined
 from pinotwin.identification.settings import Settings, Tell, better
 from pinotwin.log import Log
 from pinotwin.logs.prepare import EvenLogs
@@ -188,26 +188,30 @@ def _black_boxes(
     plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Tell, settings: Settings
 ) -> ClosedLoops:
     """Return the free loops, with the vibration of passive joints and tied to the mass where there are such."""
-    found = Loops(plant.effects, plant.theta.copy())
+    models, rows, kept, notes = dict[str, LoopModel](), dict[str, Any](), list[AxisEffects](), list[str]()
     disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
         try:
-            _fit_loop(found, plant, motion, loop_data(motion, disturbance, name, settings), settings)
+            data = loop_data(motion, disturbance, name, settings)
+            models[name], rows[name], effects = _fit_loop(plant, motion, data, settings)
         except DataError as error:
-            found.notes.append(f"no closed loop of {name}: {error}")
-    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=found.table(plant))
-    models, rows = dict(found.models), dict(found.quality)
+            notes.append(f"no closed loop of {name}: {error}")
+            continue
+        kept += [] if effects is None else [effects]
+    refined = with_refined(plant, kept)
     if plant.machine.passive:
-        for axis, row in vibration_loops(refined, found.models, motion, settings).items():
-            rows[axis] = {**rows[axis], KEY: row}
-        for axis, (model, row) in tie_loops(refined, found.models, motion, settings).items():
-            models[axis], rows[axis] = model, {**rows[axis], **row}
-    return ClosedLoops(refined, models, quality={"loops": rows}, warnings=tuple(found.notes))
+        for axis, row in vibration_loops(refined, models, motion, settings).items():
+            rows[axis][KEY] = row
+        for axis, (model, row) in tie_loops(refined, models, motion, settings).items():
+            models[axis], rows[axis] = model, rows[axis] | row
+    return ClosedLoops(refined, models, quality={"loops": rows}, warnings=tuple(notes))
 
 
-def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, settings: Settings) -> None:
-    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined."""
+def _fit_loop(
+    plant: OpenLoop, motion: Motion, data: LoopData, settings: Settings
+) -> tuple[LoopModel, dict[str, Any], AxisEffects | None]:
+    """Return the loop of one axis, its judgement, and its effects where they were refined."""
     given = plant.machine.loop.get(data.axis)
     bounds = (given.bounds or None) if given is not None else None
     if given is not None and given.stated:
@@ -218,19 +222,13 @@ def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, set
     data, trial, refined = _refined(plant, motion, data, trial, bounds, settings)
     doubted = score(data, trial) > settings.poor_loop
     model = _refit(data, trial, bounds, afresh=doubted, judged=True)
-    found.models[data.axis] = model
-    found.quality[data.axis] = {
+    row = {
         "real_poles": model.structure.real_poles,
         "pole_pairs": model.structure.pole_pairs,
         **both_errors(data, model, trial),
         "refined": refined is not None,
     }
-    if refined is not None:
-        old, new = refined
-        found.theta[list(new.where)] = new.theta
-        swap = {id(a): b for a, b in zip(old.effects, new.effects, strict=True)}
-        found.effects = tuple(swap.get(id(effect), effect) for effect in found.effects)
-        found.refined[new.axis] = new
+    return model, row, refined
 
 
 def _choose(data: LoopData, settings: Settings) -> LoopModel:
@@ -260,7 +258,7 @@ def _refined(
     trial: LoopModel,
     bounds: Bounds | None,
     settings: Settings,
-) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
+) -> tuple[LoopData, LoopModel, AxisEffects | None]:
     """Refine an axis' friction and position effects through its loop; None where held-out data object."""
     mine = axis_effects(plant, data.axis)
     if mine is None:
@@ -281,7 +279,7 @@ def _refined(
         kept, data, trial, before = refined, renewed, retried, after
         if gain * settings.pays < 1.0:
             break
-    return data, trial, None if kept is mine else (mine, kept)
+    return data, trial, None if kept is mine else kept
 
 
 def _refit(

@@ -27,13 +27,12 @@ from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.scale import Sizes, with_sizes
 from pinotwin.identification.settings import USUAL, Settings, Tell
 from pinotwin.identification.smooth import memory
-from pinotwin.identification.springs import find_springs
+from pinotwin.identification.springs import find_springs, keep_spring
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_logs
+from pinotwin.logs.files import LogLike, as_logs
 from pinotwin.logs.prepare import EvenLogs, prepare
 from pinotwin.logs.quality.recorded import habits
-from pinotwin.machine import Machine
-from pinotwin.machine.given import MachineLike, as_machine
+from pinotwin.machine import Machine, MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import OpenLoop, Twin
@@ -161,9 +160,9 @@ def _completed(
 ) -> tuple[OpenLoop, dict[str, Any]]:
     """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit."""
     rows: dict[str, Any] = {}
-    if bending is not None:
-        plant = bending.completed(plant, settings)
-    elif springs:
+    for spring in () if bending is None else bending.springs:
+        plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping), settings)
+    if springs and bending is None:
         plant, rows = find_springs(plant, motion, settings)
     return replace(plant, diagonal=diagonal(plant, motion)), rows
 
@@ -180,17 +179,15 @@ def _with_leads(
     given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}
     found = {} if machine.passive else find_leads(machine, plant)
     listed = {name for name, axis in machine.axes.items() if any(e.logged_effort for e in axis.effects)}
-    found = {name: lead for name, lead in found.items() if name not in given and name not in listed}
+    found = {name: row for name, row in found.items() if name not in given and name not in listed}
     closed = loop and plant.motion.qr is not None
-    applied = {name: lead.seconds for name, lead in found.items() if lead.significant and not closed}
+    applied = {name: row["lead"] for name, row in found.items() if row["significant"] and not closed}
     if applied:
         axes = {name: replace(axis, lead=applied.get(name, axis.lead)) for name, axis in machine.axes.items()}
         machine = replace(machine, axes=axes)
         plant = fitted(machine)
     said: dict[str, Any] = {name: {"lead": lead, "given": True} for name, lead in given.items()}
-    for name, lead in found.items():
-        said[name] = {"lead": lead.seconds, "standard_error": lead.error, "significant": lead.significant}
-        said[name]["applied"] = name in applied
+    said |= {name: {**row, "applied": name in applied} for name, row in found.items()}
     return machine, plant, said
 
 

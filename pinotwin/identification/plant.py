@@ -145,11 +145,10 @@ def _solve(
         again = [k for k in places if effects[k].axis in {effect.axis for effect in wider.values()}]
         return search_shapes(m, effects, r, places, options, again)
 
-    if unknown is not None:
-        return search(motion, effects, rows, searched, [k for k in searched if k in unknown])
-    short = pieces(motion, rows, settings)
+    short = pieces(motion, rows, settings) if unknown is None else None
     if short is None:
-        return search(motion, effects, rows, searched, searched)
+        fresh = searched if unknown is None else [k for k in searched if k in unknown]
+        return search(motion, effects, rows, searched, fresh)
     seen: list[int] = []
     if short.use.any() and (seen := _shaped(short, effects, few := choose_rows(short))):
         effects = search(short, effects, few, seen, seen)[1]

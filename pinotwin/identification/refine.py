@@ -11,7 +11,7 @@ result is kept only if it pays on the part of the log that it did not see.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,8 @@ from pinotwin.loop import LoopData, LoopModel
 from pinotwin.loop.identify import slopes
 from pinotwin.motion import Motion
 from pinotwin.solve.sandwich import block_covariance
-from pinotwin.twin import OpenLoop
+from pinotwin.twin import OpenLoop, Parameters
+from pinotwin.twin.parameters import verdict
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class AxisEffects:
     """The effects of one axis beside the rigid body and viscous friction."""
 
     axis: str  # its name
+    keys: tuple[str, ...]  # of its effects in the twin
     effects: tuple[Effect, ...]  # with their present shapes
     where: tuple[int, ...]  # indices of all their coefficients in the twin's theta
     theta: Floats  # present coefficients
@@ -61,17 +63,19 @@ class AxisEffects:
         effects = [effect.shaped([kept.pop(0) for _ in effect.shapes()]) for effect in self.effects]
         return replace(self, effects=tuple(effects))
 
-    def numbers(self) -> Iterator[tuple[Effect, str, float, float]]:
-        """Yield effect, name, value and standard error of every coefficient and shape, in plain units."""
-        names = [(effect, c.name) for effect in self.effects for c in effect.coefficients()]
-        for (effect, name), value, error in zip(names, self.theta, self.error, strict=True):
-            yield effect, name, float(value), float(error)
+    def numbers(self) -> Iterator[tuple[str, float, float]]:
+        """Yield full name, value and standard error of every coefficient and shape, in plain units."""
+        pairs = zip(self.keys, self.effects, strict=True)
+        names = [f"{key}.{c.name}" for key, effect in pairs for c in effect.coefficients()]
+        for name, value, error in zip(names, self.theta, self.error, strict=True):
+            yield name, float(value), float(error)
         errors = np.full(len(self._shapes()), np.nan) if self.shape_error is None else self.shape_error
-        for (effect, shape, value), error in zip(self._shapes(), errors, strict=True):
-            yield effect, shape.name, value, float(value * error if shape.log else error)
+        for (key, shape, value), error in zip(self._shapes(), errors, strict=True):
+            yield f"{key}.{shape.name}", value, float(value * error if shape.log else error)
 
-    def _shapes(self) -> list[tuple[Effect, Shape, float]]:
-        return [(e, *one) for e in self.effects for one in zip(e.shapes(), e.shape_values(), strict=True)]
+    def _shapes(self) -> list[tuple[str, Shape, float]]:
+        pairs = zip(self.keys, self.effects, strict=True)
+        return [(key, *one) for key, e in pairs for one in zip(e.shapes(), e.shape_values(), strict=True)]
 
 
 def refine(
@@ -173,8 +177,8 @@ class _Through:
 def axis_effects(plant: OpenLoop, axis: str, most: int = 60) -> AxisEffects | None:
     """Return what can be refined on an axis, shape (p,), or None; tables of over ``most`` columns stay as they are."""
     mine = [
-        (effect, where)
-        for effect, where in zip(plant.effects, plant.slices, strict=True)
+        (key, effect, where)
+        for key, effect, where in zip(plant.keys, plant.effects, plant.slices, strict=True)
         if effect.axis == axis
         and set(effect.causes) <= {"friction", "position"}
         and effect.refined_in_loop
@@ -182,13 +186,31 @@ def axis_effects(plant: OpenLoop, axis: str, most: int = 60) -> AxisEffects | No
     ]
     if not mine:
         return None
-    where = [k for _, s in mine for k in range(s.start, s.stop)]
-    lower = [c.lower for effect, _ in mine for c in effect.coefficients()]
+    keys, effects, slices = zip(*mine, strict=True)
+    where = [k for s in slices for k in range(s.start, s.stop)]
+    lower = [c.lower for effect in effects for c in effect.coefficients()]
     return AxisEffects(
         axis=axis,
-        effects=tuple(effect for effect, _ in mine),
+        keys=keys,
+        effects=effects,
         where=tuple(where),
         theta=plant.theta[where],
         error=np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))[where],
         lower=np.array(lower),
     )
+
+
+def with_refined(plant: OpenLoop, refined: Iterable[AxisEffects]) -> OpenLoop:
+    """Return a plant, and its table, with the effects that loops refined."""
+    theta, effects = plant.theta.copy(), dict(zip(plant.keys, plant.effects, strict=True))
+    rows = {row.name: row for row in plant.parameters}
+    for axis in refined:
+        theta[list(axis.where)] = axis.theta
+        effects |= zip(axis.keys, axis.effects, strict=True)
+        for name, value, error in axis.numbers():
+            row = replace(rows[name], value=value, dof=np.inf)
+            known = row.determined and bool(np.isfinite(error)) and error > 0.0
+            word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
+            rows[name] = replace(row, error=error if known else np.nan, determined=known, verdict=word)
+    table = Parameters(rows.values())
+    return replace(plant, effects=tuple(effects.values()), theta=theta, parameters=table)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -47,7 +47,7 @@ def with_beliefs(
     if not tables:
         return out
     while True:
-        told = _Told.of(motion, rows, out)
+        told = _Told(motion, rows, assemble(motion, out, rows))
         fit = told.tuned(out, tables, options)
         found = {k: told.pitches(table, fit) if searches else [] for k, table in tables.items()}
         if not any(found.values()):
@@ -83,12 +83,11 @@ class _Told:
     motion: Motion
     rows: Rows
     problem: Problem  # of the effects
-    reduced: Reduced  # the same
 
-    @classmethod
-    def of(cls, motion: Motion, rows: Rows, effects: Sequence[Effect]) -> Self:
-        problem = assemble(motion, effects, rows)
-        return cls(motion, rows, problem, reduce(problem))
+    @cached_property
+    def reduced(self) -> Reduced:
+        """The same, a factor an axis."""
+        return reduce(self.problem)
 
     def tuned(
         self, out: list[Effect], tables: dict[int, PositionTable], options: OptionsOf, passing: bool = False

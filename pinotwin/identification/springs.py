@@ -128,12 +128,10 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats, settings: 
         full[at, :] = full[:, at] = 0.0
         full[at, at] = cov[own, own]
     errors = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    numbers = dict(zip([f"rigid_body.{n}" for n in base.labels], range(b), strict=True))
-    numbers |= {f"{joint}.spring.k": b, f"{joint}.spring.c": b + 1}
+    names = [*(f"rigid_body.{n}" for n in base.labels), f"{joint}.spring.k", f"{joint}.spring.c"]
     values = np.concatenate([whole[rigid], whole[spring]])
     rows = {p.name: p for p in plant.parameters}
-    for name, k in numbers.items():
-        value, error = float(values[k]), float(errors[k])
+    for name, value, error in zip(names, values.tolist(), errors.tolist(), strict=True):
         word = verdict(value, error, at_bound=False)
         rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word, dof=np.inf)
     said = body_rows(machine, found, dummy, 1.0, settings)

@@ -26,7 +26,7 @@ from pinotwin.identification.plant import Plant, fit_options, open_loop, standar
 from pinotwin.identification.settings import USUAL, Settings, Tell
 from pinotwin.identification.smooth import memory
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_logs
+from pinotwin.logs.files import LogLike, as_logs
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
 from pinotwin.signals import rms

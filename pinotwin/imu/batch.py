@@ -37,7 +37,7 @@ class _Problem:
     models: list[RunModel]
     lay: Layout
     R_ST: Floats
-    mean: Floats  # prior means of one run's parameters (shared and local)
+    mean: Floats  # prior means of all parameters, those of every run behind the shared ones
     sd: Floats
     whiteners: list[Whitener]
 
@@ -46,6 +46,14 @@ class _Problem:
         local = self.lay.size - self.lay.shared
         own = self.lay.shared + r * local + np.arange(local)
         return np.concatenate([np.arange(self.lay.shared), own])
+
+    def whitened(self, r: int, theta: Floats) -> tuple[Floats, Floats]:
+        """Return whitened residuals (m, 6) and the Jacobian in units of the priors (m, 6, p) of run r."""
+        m, at = self.models[r], self.columns(r)
+        y, J = m.predict(theta[at], self.lay, self.R_ST)
+        both = np.concatenate([(m.read - y)[:, :, None], J * self.sd[at]], axis=2)
+        both = self.whiteners[r](both)[8:]  # the filter's own start
+        return both[:, :, 0], both[:, :, 1:]
 
 
 def estimate(
@@ -82,11 +90,8 @@ def prepare(
 ) -> _Problem:
     """Return the problem of all runs, linearised at the priors."""
     models = [RunModel(s, i, p, c.to_ref(i.t)) for s, i, c in zip(servo, imu, clocks, strict=True)]
-    knots = max(m.knots for m in models)
-    for m in models:
-        m.set_knots(knots)
     R_ST = _first_mounting(servo, models)
-    lay = Layout(models[0].fine.load.shape[1], knots)
+    lay = Layout(models[0].fine.load.shape[1], max(m.knots for m in models))
     whiteners = [Whitener.from_rest(m.read, 1.0 / m.interval) for m in models]
     mean, sd = _priors(p, lay, models)
     problem = _Problem(models, lay, R_ST, mean, sd, whiteners)
@@ -119,7 +124,8 @@ def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Flo
     for name, where in lay.at.items():
         sd[where] = sizes[name] if name in sizes else getattr(p, name)
     mean[lay["position"]], mean[lay["gravity"]] = p.position, p.gravity
-    return mean, sd
+    runs = len(models) - 1
+    return np.append(mean, np.tile(mean[lay.shared :], runs)), np.append(sd, np.tile(sd[lay.shared :], runs))
 
 
 def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
@@ -153,20 +159,18 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
 
 def _solve(problem: _Problem, iterations: int = 12) -> tuple[Floats, Floats]:
     """Return the parameters of all runs and their covariance, by rounds of Gauss-Newton."""
-    lay, runs = problem.lay, len(problem.models)
-    mean = np.concatenate([problem.mean] + [problem.mean[lay.shared :]] * (runs - 1))
-    sd = np.concatenate([problem.sd] + [problem.sd[lay.shared :]] * (runs - 1))
+    problem = replace(problem, whiteners=[*problem.whiteners])
+    lay, mean, sd = problem.lay, problem.mean, problem.sd
     theta, last = mean.copy(), np.inf
-    whiteners = list(problem.whiteners)
     for k in range(iterations):
         A = np.eye(len(theta))
         g = -(theta - mean) / sd
-        for r, m in enumerate(problem.models):
+        for r, whitener in enumerate(problem.whiteners):
             at = problem.columns(r)
-            e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+            e, J = problem.whitened(r, theta)
             if k == 2:  # from here the model fits as well as it can: admit what it leaves
-                whiteners[r] = whiteners[r].at_least(e)
-                e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+                problem.whiteners[r] = whitener.at_least(e)
+                e, J = problem.whitened(r, theta)
             flat = J.reshape(-1, len(at))
             A[np.ix_(at, at)] += flat.T @ flat
             g[at] += flat.T @ e.ravel()
@@ -182,27 +186,18 @@ def _solve(problem: _Problem, iterations: int = 12) -> tuple[Floats, Floats]:
         if k > 3 and (size < 1e-5 or size > 0.9 * last):
             break
         last = size
-    return theta, _covariance(problem, theta, A, sd, whiteners)
+    return theta, _covariance(problem, theta, A)
 
 
-def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]) -> Floats:
+def _covariance(problem: _Problem, theta: Floats, A: Floats) -> Floats:
     """Return the covariance A^-1 S A^-1 of all parameters, S by leaving out stretches of 1 s, several decay times."""
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
     S = np.eye(len(theta))
     for r, m in enumerate(problem.models):
         at = problem.columns(r)
-        e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+        e, J = problem.whitened(r, theta)
         S[np.ix_(at, at)] += left_out(J, e, inverse[np.ix_(at, at)], round(1.0 / m.interval))
-    return at_least(inverse @ S @ inverse, inverse) * np.outer(sd, sd)
-
-
-def _whitened(
-    m: RunModel, theta: Floats, problem: _Problem, whitener: Whitener, sd: Floats
-) -> tuple[Floats, Floats]:
-    """Return whitened residuals (m, 6) and the Jacobian in units of the priors (m, 6, p)."""
-    y, J = m.predict(theta, problem.lay, problem.R_ST)
-    both = whitener(np.concatenate([(m.read - y)[:, :, None], J * sd], axis=2))[8:]  # the filter's own start
-    return both[:, :, 0], both[:, :, 1:]
+    return at_least(inverse @ S @ inverse, inverse) * np.outer(problem.sd, problem.sd)
 
 
 def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: Sequence[ClockFit]) -> BatchResult:

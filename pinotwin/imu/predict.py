@@ -31,7 +31,7 @@ class Layout:
         triples = ("sag", "turn", "cross", "asymmetry", "cubic")
         sizes = {"mode": 2, "gain": loads, **dict.fromkeys(triples, 3), "g_sensitivity": 9}
         sizes |= {"accel_matrix": 9, "accel_bias": 3, "position": 3, "gravity": 3, "accel_delay": 1}
-        self.shared = sum(sizes.values())
+        self.shared, self.knots = sum(sizes.values()), knots
         sizes |= {"clock": 2, "scale": 3, "start": 2, "bias": 3 * knots}
         ends = np.cumsum([0, *sizes.values()]).tolist()
         self.at = {name: slice(*ends[k : k + 2]) for k, name in enumerate(sizes)}
@@ -56,7 +56,8 @@ class RunModel:
         self.base = start[inside]
         self.pivot = float(np.mean(self.base))
         self.centred = self.base - self.pivot
-        self.set_knots(max(2, 1 + round(np.ptp(self.base) / priors.knots)))
+        # of the bias; all runs take the most of any
+        self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
         self.interval = float(np.median(np.diff(self.base)))
         self.delay = group_delay(priors.gyro_cutoff)
         up = np.einsum("nji->nij", f.R)
@@ -70,11 +71,6 @@ class RunModel:
         v = np.gradient(sag, f.step, axis=0)
         self.sag = Response(sag, v, np.gradient(v, f.step, axis=0))
         self.w_max = float(np.max(np.abs(f.w)))
-
-    def set_knots(self, knots: int) -> None:
-        """Use so many knots of the bias: all runs of a fit have as many."""
-        self.knots = knots
-        self.hat = hats(self.base, self.base[0], self.base[-1], knots)
 
     def seen(self, x: Floats, at: Floats) -> Floats:
         """Return signals (n, k) of the fine clock as the gyro sees them at fractional indices."""
@@ -150,7 +146,8 @@ class RunModel:
         K = (np.eye(3) + np.diag(scale)) @ (np.eye(3) + N)
         sheared = u @ (np.eye(3) + N).T
         cube = u**3 / self.w_max**2
-        bias = self.hat @ theta[lay["bias"]].reshape(self.knots, 3)
+        hat = hats(self.base, self.base[0], self.base[-1], lay.knots)
+        bias = hat @ theta[lay["bias"]].reshape(lay.knots, 3)
         y = u @ K.T + a * np.abs(u) + cubic * cube + f_s @ G.T + bias
         J, eye = np.zeros((m, 3, lay.size)), np.eye(3)
         J[:, :, lay.places] = (axis @ K.T)[:, :, None] * cols[:, None, :]
@@ -162,7 +159,7 @@ class RunModel:
         J[:, :, lay["asymmetry"]] = np.abs(u)[:, :, None] * eye
         J[:, :, lay["cubic"]] = cube[:, :, None] * eye
         J[:, :, lay["g_sensitivity"]] = np.einsum("ij,nk->nijk", eye, f_s).reshape(m, 3, 9)
-        J[:, :, lay["bias"]] = np.einsum("nk,ij->nikj", self.hat, eye).reshape(m, 3, -1)
+        J[:, :, lay["bias"]] = np.einsum("nk,ij->nikj", hat, eye).reshape(m, 3, -1)
         return y, J
 
     def _accel(self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats) -> tuple[Floats, Floats]:

@@ -40,24 +40,23 @@ class Remainder:
 
 def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener) -> Remainder:
     """Return the smoothed remainder of one run for fitted parameters."""
-    seen_t, seen_rate, z, C, r = _observations(m, theta, lay, R_ST, whitener)
+    seen_t, seen_rate, z, r = _observations(m, theta, lay, R_ST, whitener)
     t, z, r = _filled(m.interval, seen_t, z, r)
     wn, zeta = np.exp(theta[lay["mode"]])
     sizes = wn**2 * np.geomspace(1e-8, 3e-4, 11)
-    scores = [_model(len(t), m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
-    best = float(sizes[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))])
-    x, P = _model(len(t), m.interval, wn, zeta, best, C).smooth(z, r)
-    out = np.zeros((3, 4))
-    out[0, 0], out[1, 1], out[2, :3] = 1.0, 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0]
+    models = [_model(len(t), m.interval, wn, zeta, size) for size in sizes]
+    scores = [model.log_likelihood(z, r) for model in models]
+    best = models[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))]
+    x, P = best.smooth(z, r)
+    out = np.stack([*np.eye(4)[:2], best.H[0, 1]])
     var = np.einsum("ai,nij,aj->na", out, P, out)
     return Remainder(t, x @ out.T, np.sqrt(np.maximum(var, 0.0)), seen_t, seen_rate)
 
 
 def _observations(
     m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Return times, gyro residuals in the link frame, their projections, rows and variances."""
-    wn, zeta = np.exp(theta[lay["mode"]])
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return times, gyro residuals in the link frame, and e' + b and e'' as seen, with their variances."""
     e = m.read - m.predict(theta, lay, R_ST)[0]
     # innovations through the autoregression
     gains = [np.sum(lfilter([1.0], taps, np.eye(1, 400)[0]) ** 2) for taps in whitener.taps]
@@ -75,11 +74,7 @@ def _observations(
         information = np.maximum(np.sum(rows**2 / v, axis=1), 1e-12)
         z[:, k] = np.sum(rows * e[:, 3 * k : 3 * k + 3] / v, axis=1) / information
         r[:, k] = 1.0 / information
-    z = z - np.median(z, axis=0)
-    C = np.zeros((1, 2, 4))
-    C[0, 0, 1] = C[0, 0, 3] = 1.0
-    C[0, 1, :3] = [-(wn**2), -2.0 * zeta * wn, 1.0]
-    return t, e[:, :3] @ R, z, C, r
+    return t, e[:, :3] @ R, z - np.median(z, axis=0), r
 
 
 def _filled(interval: float, t: Floats, z: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
@@ -92,8 +87,8 @@ def _filled(interval: float, t: Floats, z: Floats, r: Floats) -> tuple[Floats, F
     return times, full, variance
 
 
-def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floats) -> LinearModel:
-    """Return the state-space model of (e, e', f, b) over n samples."""
+def _model(n: int, interval: float, wn: float, zeta: float, size: float) -> LinearModel:
+    """Return the state-space model of (e, e', f, b) over n samples, measured e' + b and e''."""
     A = np.zeros((4, 4))
     A[0, 1], A[1, :3], A[2, 2] = 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0], -wn
     noise = np.diag([0.0, 0.0, 2.0 * wn * size**2, (1e-5) ** 2])
@@ -101,7 +96,8 @@ def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floa
     Phi = van_loan[4:, 4:].T
     P0 = np.diag([(size / wn**2) ** 2, (size / wn) ** 2, size**2, (2e-4) ** 2])
     Q = Phi @ van_loan[:4, 4:]
-    return LinearModel(Phi[None], np.zeros((n - 1, 4)), Q[None], C, np.zeros(4), P0)
+    C = np.stack([[0.0, 1.0, 0.0, 1.0], A[1]])
+    return LinearModel(Phi[None], np.zeros((n - 1, 4)), Q[None], C[None], np.zeros(4), P0)
 
 
 @dataclass(frozen=True)

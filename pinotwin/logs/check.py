@@ -13,13 +13,12 @@ from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.dynamics.plausible import oversized_bodies
 from pinotwin.errors import InputError, MachineError
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepared import Prepared
 from pinotwin.logs.quality.results import Finding, Quality, finding
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.machine import Machine
-from pinotwin.machine.given import MachineLike, as_machine
+from pinotwin.machine import Machine, MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import FREE, MOVING, incomplete, mimics, read_tree
 from pinotwin.motion import Motion
@@ -102,7 +101,7 @@ def check(machine: MachineLike, log: LogLike | None = None, *, settings: Setting
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    one = Prepared.of(machine, as_log(log), settings=settings)
+    one = Prepared(machine, as_log(log), settings=settings)
     findings += one.findings
     excited = None
     if one.quality.ok and not any(f.code == "unusable" for f in one.findings):

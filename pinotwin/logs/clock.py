@@ -187,8 +187,7 @@ def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str], bridged: 
         kept = np.isfinite(ticks.at[part])
         at = ticks.at[part][kept]
         for name, x in log.channels.items():
-            smooth = name.endswith((".q", ".qr", ".ql"))
-            columns[name].append(_between(at, x[part][kept], grid, smooth))
+            columns[name].append(_between(at, x[part][kept], grid, name))
         if remade:
             start = log.t[part][kept][0]
             if start > end - 10.0 * ticks.step:  # the break between two parts stays one
@@ -198,14 +197,15 @@ def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str], bridged: 
     return log.with_channels({name: np.concatenate(x) for name, x in columns.items()})
 
 
-def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:
-    """Return the samples ``x`` taken at ``at`` on the grid; missing values stay missing."""
+def _between(at: Floats, x: Floats, grid: Floats, name: str) -> Floats:
+    """Return the samples ``x`` of a channel taken at ``at`` on the grid, smooth of a position; missing ones stay."""
     if len(at) == len(grid) and np.array_equal(at, grid):
         return x
     good = np.isfinite(x)
     known = at[good], x[good]
     if good.sum() < 4:
         return np.interp(grid, *known) if good.any() else np.full(len(grid), np.nan)
+    smooth = name.endswith((".q", ".qr", ".ql"))
     new = scipy.interpolate.CubicSpline(*known)(grid) if smooth else np.interp(grid, *known)
     if not good.all():
         hole: Mask = np.interp(grid, at, (~good).astype(float)) > 0.0
@@ -230,7 +230,7 @@ def _filled(log: Log, notes: list[str], bridged: int) -> Log:
         if short.any():
             rows, known = np.arange(len(x), dtype=float), ~hole
             new = x.copy()
-            new[short] = _between(rows[known], x[known], rows, name.endswith((".q", ".qr", ".ql")))[short]
+            new[short] = _between(rows[known], x[known], rows, name)[short]
             filled[name] = new
             notes.append(f"{name}: {int(short.sum())} missing values bridged, at most {bridged} in a row")
     return log.with_channels({**log.channels, **filled}, notes)

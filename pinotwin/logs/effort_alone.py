@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation
+from pinotwin.solve.jackknife import without_each
 from pinotwin.solve.lead import Lag
 
 
@@ -122,14 +124,9 @@ def turned_round(axes: Sequence[Explained], fits: Mapping[str, Lag]) -> Iterator
         yield finding("effort_sign", ", ".join(f"{name}.u" for name in wrong), whose=whose)
 
 
-def drives(axis: Explained) -> bool:
-    """Whether the friction of an axis would drive it, or its weights pull the other way, at no lag."""
-    return is_reversed(axis, Lag(0, 0.0, 0.0, axis.left, axis.left))
-
-
-def is_reversed(axis: Explained, fit: Lag) -> bool:
-    """Whether friction would drive an axis, or the weights of its links pull the other way."""
-    limit = axis.settings
+def is_reversed(axis: Explained, fit: Lag | None = None) -> bool:
+    """Whether friction would drive an axis, or the weights of its links pull the other way; without a fit at no lag."""
+    limit, fit = axis.settings, fit or Lag(0, 0.0, 0.0, axis.left, axis.left)
     if fit.left > 1.0 - limit.explained:
         return False
     y = axis.u[axis.rows + fit.late]
@@ -238,8 +235,6 @@ def _left(motion: Motion, j: int, rows: Ints, edges: Ints, lag: int, turn: Seque
     law += [np.tanh(v / (share * np.abs(v[rows]).max())) for share in turn]
     X, y = np.column_stack(law)[rows], motion.u[rows, j]
     X = X / np.maximum(np.abs(X).max(axis=0), 1e-300)
-    parts = list(zip(np.split(X, edges), np.split(y, edges), strict=True))
-    G, g = np.array([x.T @ x for x, _ in parts]), np.array([x.T @ z for x, z in parts])
-    rest = zip(G.sum(axis=0) - G, g.sum(axis=0) - g, strict=True)
-    others = [np.linalg.lstsq(a, b, rcond=1e-12)[0] for a, b in rest]
-    return np.array([np.sum((z - x @ c) ** 2) for (x, z), c in zip(parts, others, strict=True)]) + 1e-300
+    blocks = [slice(a, b) for a, b in pairwise([0, *edges.tolist(), len(rows)])]
+    others = without_each(X, y, blocks, ridge=1e-10)[:-1]
+    return np.array([np.sum((y[b] - X[b] @ c) ** 2) for b, c in zip(blocks, others, strict=True)]) + 1e-300

@@ -55,6 +55,7 @@ class Explained:
     """One axis: its effort, its rows, and there what may cause it."""
 
     name: str
+    index: int  # column of the axis in the machine's arrays
     rotary: bool
     u: Floats  # effort of the whole motion, shape (n,)
     rows: Ints  # those that are looked at, shape (m,)
@@ -141,7 +142,7 @@ def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
         parts: Sequence[Floats] = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
         columns = np.column_stack(parts)
         causes = w @ beta, weights[usable, j], columns, basis_of(columns)
-        yield Explained(name, axis.rotary, effort, rows, v, a, *causes, at.reach, at.settings)
+        yield Explained(name, j, axis.rotary, effort, rows, v, a, *causes, at.reach, at.settings)
 
 
 def basis_of(columns: Floats) -> Floats:

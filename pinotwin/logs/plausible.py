@@ -77,7 +77,7 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined, most: int = 12) 
     for axis in explained(machine, motion.u, at):
         for what in _of_effort(axis, motion.step) if axis.name in sound else ():
             of.setdefault(what, []).append(axis.name)
-        if effort.untold(motion, machine.axes[axis.name].index, efforts.at.settings):
+        if effort.untold(motion, axis.index, efforts.at.settings):
             of.setdefault("a command of {0} that is 20 ms late", []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
         of.setdefault(_WRONG[what][2], []).append(" and ".join(who))
@@ -105,7 +105,6 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
     """Name axes with each other's effort (``u``, (n, nv)) or position, or the other way round; ``axes`` are sound."""
     limit, of = at.settings, {axis.name: axis for axis in axes}
     own = {name: axis.left for name, axis in of.items()}
-    place = {name: machine.axes[name].index for name in own}
     doubted = max(own.values(), default=0.0) > limit.clear
 
     def put_back(other: Course, *who: str) -> float:
@@ -117,9 +116,9 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
         crossed = [of[b].left_of(of[a].u), of[a].left_of(of[b].u)]
         ratios["effort", a, b] = _ratio([own[a], own[b]], crossed, limit)
         if max(own[a], own[b]) > limit.clear:
-            ratios["position", a, b] = put_back(at.exchanged(place[a], place[b]), a, b)
+            ratios["position", a, b] = put_back(at.exchanged(of[a].index, of[b].index), a, b)
     for a in own if doubted else ():
-        ratios["sign", a] = put_back(at.turned(place[a]), a)
+        ratios["sign", a] = put_back(at.turned(of[a].index), a)
     done: set[str] = set()
     for (what, *names), ratio in sorted(ratios.items(), key=lambda item: item[1]):
         if ratio < limit.closer and not done & set(names):
@@ -135,22 +134,22 @@ def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> I
     """
     limit, of = at.settings, {axis.name: axis for axis in explained(machine, u, at)}
     own = {name: axis.left for name, axis in of.items()}
-    place = {name: machine.axes[name].index for name in own}
     tried = [name for name in own if name in sound]
     for a, b in combinations(tried, 2):
-        other = at.exchanged(place[a], place[b])
+        i, j = of[a].index, of[b].index
+        other = at.exchanged(i, j)
         crossed = [of[a].left_of(of[b].u), of[b].left_of(of[a].u)]
         if _ratio(crossed, [own[b], own[a]], limit) >= limit.closer:
             swapped = u.copy()
-            swapped[:, [place[a], place[b]]] = u[:, [place[b], place[a]]]
+            swapped[:, [i, j]] = u[:, [j, i]]
             if not _is_seen(_left(machine, swapped, at), _left(machine, swapped, other), (a, b), limit):
                 yield "effort", a, b
         if not _is_seen(_left(machine, u, other), own, (a, b), limit):
             yield "position", a, b
     for a in tried:
-        turned = list(explained(machine, u, at.turned(place[a])))
+        turned = list(explained(machine, u, at.turned(of[a].index)))
         seen = _is_seen({x.name: x.left for x in turned}, own, (a,), limit)
-        if not seen and not any(map(effort.drives, turned)):
+        if not seen and not any(map(effort.is_reversed, turned)):
             yield "sign", a
 
 

@@ -18,12 +18,11 @@ from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.logs import channels
 from pinotwin.logs.clock import even_clock
-from pinotwin.logs.files.given import LogLike, as_logs
+from pinotwin.logs.files import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.logs.quality.sampling import resample as interpolated
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.machine import DataSettings, LeftOut, Machine
-from pinotwin.machine.given import MachineLike, as_machine
+from pinotwin.machine import DataSettings, LeftOut, Machine, MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.signals import clock, differentiate, edge_samples, low_pass, rms, segments, suggest_cutoff
 from pinotwin.solve.lead import put_back
@@ -363,8 +362,8 @@ def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
     """Return which joints move at all, shape (nv,): an encoder's noise at rest is no motion."""
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
     table, _ = inspect_axes(log.rows(np.r_[*parts]), rotary, None)
-    still = [name for name in machine.axes if name not in table or not table[name].moves]
-    return np.array([name not in still for name in machine.names])
+    moving = {name for name, axis in table.items() if axis.moves}
+    return np.array([name in moving or name in machine.passive for name in machine.names])
 
 
 def _moving(v: Floats, limit: float | None) -> Mask:

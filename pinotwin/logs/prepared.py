@@ -28,22 +28,13 @@ class Prepared:
     """A log, its motion and what ``check`` finds in it; each is made when it is first asked for, and kept."""
 
     machine: Machine  # whose log it is
-    log: Log  # in the names and SI units of the contract
+    log: Log  # as given, raw or in the names of the contract; then in these, and in SI
     # of :func:`pinotwin.prepare`, such as a twin's own; what is not given comes from machine.yaml
     options: Mapping[str, Any] = field(default_factory=dict)
     settings: Settings = USUAL  # what is decided by
 
-    @classmethod
-    def of(
-        cls,
-        machine: Machine,
-        log: Log,
-        options: Mapping[str, Any] | None = None,
-        *,
-        settings: Settings = USUAL,
-    ) -> Prepared:
-        """Return a log of a machine, raw or in the names of the contract, to be made ready."""
-        return cls(machine, bind(log, machine.columns), options or {}, settings)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "log", bind(self.log, self.machine.columns))
 
     @cached_property
     def motion(self) -> Motion:

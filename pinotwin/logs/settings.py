@@ -24,6 +24,9 @@ class Settings:
     twice: float = 0.99  # share of equal numbers that no two measurements have while they change
     rescaled: float = 0.02  # by which a position at rest differs from its command's, whatever the controller
     rescaled_sure: float = 5.0  # standard errors by which that must be known
+    slipped: float = (
+        1e-4  # share of the travel by which a position rests off its command from where it is told
+    )
     follows: float = 0.5  # share of a position's variation up to which its tracking error is one
     # [1/s] swings between the largest efforts of either sign, beyond those of the command, from which a loop is
     # unstable: stable machines stay below 1, an unstable loop reaches 7

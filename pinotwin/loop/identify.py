@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from threadpoolctl import threadpool_limits
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -24,8 +23,10 @@ from pinotwin.loop.search import search
 from pinotwin.loop.sections import discretise
 from pinotwin.loop.structure import Structure
 from pinotwin.solve.sandwich import batch_means
+from pinotwin.system.threads import one_blas_thread
 
 
+@one_blas_thread
 def identify_loop(
     data: LoopData,
     structure: Structure | None = None,
@@ -49,17 +50,15 @@ def identify_loop(
             f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about "
             f"{unknown} unknowns; give a longer log or a structure with fewer poles"
         )
-    # On few cores OpenBLAS' own threads make the many small factorisations slower, not faster.
-    with threadpool_limits(1, "blas"):
-        found, ends = search(data, layout, starts)
-        projection = Projection(data, layout, Scales.of(data))
-        misfit = projection.evaluate(found.x)
-        residues = misfit.residues * projection.scales.residue_units(layout)
-        names = data.axis, data.disturbance_names, data.output_names
-        model = LoopModel(*names, data.step, layout.structure, layout.shaped(found.x), residues)
-        if not judged:
-            return model
-        variances, blocks = _variances(projection, found.x, on_bound(layout, found.x) != 0)
+    found, ends = search(data, layout, starts)
+    projection = Projection(data, layout, Scales.of(data))
+    misfit = projection.evaluate(found.x)
+    residues = misfit.residues * projection.scales.residue_units(layout)
+    names = data.axis, data.disturbance_names, data.output_names
+    model = LoopModel(*names, data.step, layout.structure, layout.shaped(found.x), residues)
+    if not judged:
+        return model
+    variances, blocks = _variances(projection, found.x, on_bound(layout, found.x) != 0)
     left = misfit.residual.reshape(layout.outputs, -1)
     quantile = float(scipy.stats.t.ppf(0.975, max(blocks - 1, 1)))
     rest = {"blocks": blocks, "evaluations": found.evaluations, "ends": ends}
@@ -128,36 +127,24 @@ def _notes(parameters: Sequence[ParameterFit]) -> tuple[str, ...]:
 
 def slopes(data: LoopData, model: LoopModel) -> Floats:
     """Return the slopes of a loop's outputs, over their RMS, by its poles and free residues, shape (rows * ny, k)."""
-    tangents, _ = _linearised(Projection(data, model.layout, Scales.of(data)), model.theta)
-    poles, rows = len(model.theta), len(tangents[0])
-    own = [np.zeros((rows, len(tangents), t.shape[1] - poles)) for t in tangents]
-    for k, t in enumerate(tangents):
-        own[k][:, k] = t[:, poles:]
-    shared = np.stack([t[:, :poles] for t in tangents], axis=1)
-    return np.concatenate([shared, *own], axis=2).reshape(rows * len(tangents), -1)
+    J, _ = _linearised(Projection(data, model.layout, Scales.of(data)), model.theta)
+    return J.reshape(-1, J.shape[2])
 
 
 def _variances(projection: Projection, theta: Floats, held: Mask) -> tuple[Floats, int]:
     """Return the variances of the poles' logarithms, shape (np,), 0 of those on bounds; and blocks that tell them."""
-    tangents, residuals = _linearised(projection, theta)
-    free = [t[:, np.r_[~held, np.ones(t.shape[1] - len(theta), dtype=bool)]] for t in tangents]
-    # Columns: free poles, then the free directions of the residues, output after output.
-    poles = int(np.sum(~held))
-    total = poles + sum(t.shape[1] - poles for t in free)
-    H, S, at = np.zeros((total, total)), np.zeros((len(free[0]), total)), poles
-    for G, left in zip(free, residuals, strict=True):
-        places = np.r_[:poles, at : at + G.shape[1] - poles]
-        H[np.ix_(places, places)] += G.T @ G
-        S[:, places] += G * left[:, None]
-        at += G.shape[1] - poles
-    own, blocks = batch_means(H, S, poles or total, len(free) * len(S))
+    J, left = _linearised(projection, theta)
+    J, poles = np.delete(J, np.flatnonzero(held), axis=2), int(np.sum(~held))
+    H = np.tensordot(J, J, ((0, 1), (0, 1)))
+    S = np.sum(J * left[:, :, None], axis=1)
+    own, blocks = batch_means(H, S, poles or len(H), left.size)
     variances = np.zeros(len(theta))
     variances[~held] = np.diag(own)[:poles]
     return variances, blocks
 
 
-def _linearised(projection: Projection, theta: Floats) -> tuple[list[Floats], list[Floats]]:
-    """Return per output the tangent, shape (n, np + nz), and the residual."""
+def _linearised(projection: Projection, theta: Floats) -> tuple[Floats, Floats]:
+    """Return the Jacobian (n, ny, k), of poles, then of each output's free residues, and the residual (n, ny)."""
     sections = projection.layout.shaped(theta)
     discrete = discretise(sections, projection.step)
     wide = projection.filtered(discrete)
@@ -175,4 +162,10 @@ def _linearised(projection: Projection, theta: Floats) -> tuple[list[Floats], li
         projection.clear_free(discrete, sections, both)
         tangents.append(both[:, :-1])
         residuals.append(both[:, -1])
-    return tangents, residuals
+    J = np.zeros((len(phi), len(tangents), len(theta) + sum(t.shape[1] - len(theta) for t in tangents)))
+    at = len(theta)
+    for k, t in enumerate(tangents):
+        more = t.shape[1] - len(theta)
+        J[:, k, : len(theta)], J[:, k, at : at + more] = t[:, : len(theta)], t[:, len(theta) :]
+        at += more
+    return J, np.stack(residuals, axis=1)

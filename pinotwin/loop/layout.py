@@ -31,6 +31,7 @@ class Parameter:
     value: int  # index among the values of the section
     lower: float  # lower bound, [Hz] or [-]
     upper: float  # upper bound
+    guess: tuple[float, float, float]  # lowest, middle and highest that a search starts from
 
     @property
     def scale(self) -> float:
@@ -194,16 +195,24 @@ def lay_out(
     return Layout(structure, sections, parameters, tuple(slots), *shape)
 
 
-def usual_bounds(name: str, step: float) -> tuple[float, float]:
-    """Return the usual bounds of a parameter [Hz] or [-]: thesis Tables 4-4 and 7-3, widened, below Nyquist."""
-    fast = min(0.4 / step, 400.0)
+def _usual(name: str, step: float, pairs: int) -> tuple[tuple[float, float], tuple[float, float, float]]:
+    """Return the usual bounds of a parameter [Hz] or [-] and low, middle and high guess.
+
+    The bounds are thesis Tables 4-4 and 7-3, widened, below Nyquist; several light pairs each have their own guess.
+    """
+    slow, fast = min(0.5, 0.01 / step), min(0.4 / step, 400.0)
     if name == "pff":
-        return 0.1 / step, 0.5 / step
-    if name.startswith("p") or name == "wn1":
-        return min(0.5, 0.01 / step), fast
+        return (0.1 / step, 0.5 / step), (100.0, 400.0, 4000.0)
+    if name.startswith("p"):
+        return (slow, fast), (5.0, 30.0, 90.0)
+    if name == "wn1":
+        return (slow, fast), (3.0, 10.0, 60.0)
     if name == "zeta1":
-        return 0.1, 1.5
-    return (0.005, 0.7) if name.startswith("zeta") else (min(3.0, 0.03 / step), fast)
+        return (0.1, 1.5), (0.3, 0.7, 1.2)
+    if name.startswith("zeta"):
+        return (0.005, 0.7), (0.02, 0.08, 0.4)
+    place = (int(name[2:]) - 1.5) / max(pairs - 1, 1)
+    return (min(3.0, 0.03 / step), fast), (8.0, 8.0 * (80.0 / 8.0) ** place, 90.0)
 
 
 def _parameters(sections: Sequence[Section], step: float, bounds: Bounds) -> tuple[Parameter, ...]:
@@ -217,8 +226,10 @@ def _parameters(sections: Sequence[Section], step: float, bounds: Bounds) -> tup
             raise InputError(
                 f"bounds of {name}: ({low}, {high}); the log shows nothing above {0.5 / step:g} Hz"
             )
-    out = []
+    out, pairs = [], sum(part.order == 2 and not part.feedforward for part in sections)
     for name, place, value in found:
-        low, high = bounds.get(name, usual_bounds(name, step))
-        out.append(Parameter(name, place, value, low, high if "zeta" in name else min(high, 0.5 / step)))
+        usual, guess = _usual(name, step, pairs)
+        low, high = bounds.get(name, usual)
+        high = high if "zeta" in name else min(high, 0.5 / step)
+        out.append(Parameter(name, place, value, low, high, guess))
     return tuple(out)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 import numpy as np
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, TwinError, nearest, require
@@ -297,10 +298,8 @@ def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
     orders = [slot.order for slot in model.layout.slots]
     keep = np.array([i for b, order in enumerate(orders) for i in range(2 * b, 2 * b + order)])
     k, m = len(orders), modal.inputs
-    A, B = np.zeros((2 * k, 2 * k)), np.zeros((2 * k, m + 1))
-    for b in range(k):
-        rows = slice(2 * b, 2 * b + 2)
-        A[rows, rows], B[rows, modal.input[b]] = modal.rate[b], modal.drive[b]
+    A, B = scipy.linalg.block_diag(*modal.rate), np.zeros((k, 2, m + 1))
+    B[np.arange(k), :, modal.input] = modal.drive
     C = modal.C.reshape(len(modal.C), -1)
     D = np.column_stack([modal.D, modal.Da])
-    return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
+    return A[np.ix_(keep, keep)], B.reshape(2 * k, -1)[keep], C[:, keep], D

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -28,8 +29,7 @@ from pinotwin.loop.structure import Section
 BLOCK = 1000  # Rows that are filtered and factored at once
 
 
-@dataclass(frozen=True)
-class Misfit:
+class Misfit(NamedTuple):
     """The misfit at one set of poles."""
 
     residual: Floats  # in reduced coordinates; half its square is the cost

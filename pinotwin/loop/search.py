@@ -20,46 +20,21 @@ from pinotwin.solve.descent import End, Remembered, rival, trust_region
 
 def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> End:
     """Return the end of one bounded search from ``theta``, logarithms of the parameters, shape (np,)."""
-
-    def evaluate(x: Floats) -> tuple[Floats, Floats]:
-        misfit = projection.evaluate(x)
-        return misfit.residual, misfit.jacobian
-
-    if not len(theta):
-        return End(theta, 0.5 * float(np.sum(evaluate(theta)[0] ** 2)), 1, True)
+    evaluate = Remembered(lambda x: projection.evaluate(x)[:2])
     tolerances = {"xtol": tolerance, "ftol": tolerance}
     box = projection.layout.box
-    return trust_region(Remembered(evaluate), theta, box, 1e-6, x_scale=0.5, max_nfev=most, **tolerances)
+    return trust_region(evaluate, theta, box, 1e-6, x_scale=0.5, max_nfev=most, **tolerances)
 
 
 def starting_points(layout: Layout, count: int = 12) -> Floats:
     """Return starts for theta, shape (count, np)."""
     low, high = layout.box
-    if not len(low):
-        return np.zeros((1, 0))
     points = scipy.stats.qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
-    pairs, scale = layout.structure.pole_pairs, np.array([[p.scale] for p in layout.parameters])
-    usual = np.log(scale * [_usual(p.name, pairs) for p in layout.parameters]).T
+    usual = np.log([np.multiply(p.scale, p.guess) for p in layout.parameters]).T
     lowest, plain, highest = np.clip(usual, low, high)
     starts = np.asarray(lowest + points * (highest - lowest))
     starts[0] = plain
     return starts
-
-
-def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
-    """Return low, middle and high guess of a parameter [Hz] or [-]; several light pairs each have their own."""
-    if name == "pff":
-        return 100.0, 400.0, 4000.0
-    if name.startswith("p"):
-        return 5.0, 30.0, 90.0
-    if name == "wn1":
-        return 3.0, 10.0, 60.0
-    if name == "zeta1":
-        return 0.3, 0.7, 1.2
-    if name.startswith("zeta"):
-        return 0.02, 0.08, 0.4
-    place = (int(name[2:]) - 1.5) / max(pairs - 1, 1)
-    return 8.0, 8.0 * (80.0 / 8.0) ** place, 90.0
 
 
 def search(
@@ -70,7 +45,7 @@ def search(
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
     if len(begin) == 1:  # where another search ended
-        return polish(whole, begin[0]), (1.0,) * min(begin.size, 1)
+        return polish(whole, begin[0]), (1.0,)
     piece = liveliest(data)
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
     tried = [polish(short, x, 1e-4, 10) for x in begin]

@@ -139,33 +139,26 @@ def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: F
     where a segment begins, (m, 3). There the state is ``start_state`` beside the equilibrium of the first
     input. ``out`` gets the states and their derivatives, (m, 6, rows), of a first-order section (m, 2, rows).
     """
-    x = 0.0
-    y = 0.0
-    dx, dy, ex, ey = 0.0, 0.0, 0.0, 0.0
+    state, new = np.zeros((3, 2)), np.zeros((3, 2))  # value and derivatives
+    order = 1 if out.shape[1] == 2 else 2
     for m in range(len(blocks)):
         first = blocks[m, 0]
         for k in range(first, blocks[m, 1]):
             if k == first and blocks[m, 2] == 1:
-                x, y = w[k] + start_state[0], start_state[1]
-                dx, dy, ex, ey = 0.0, 0.0, 0.0, 0.0
+                state[:] = 0.0
+                state[0, 0], state[0, 1] = w[k] + start_state[0], start_state[1]
             else:
-                v, z = w[k - 1], w[k]
-                p = A[1, 0, 0] * x + A[1, 0, 1] * y + B[0, 1, 0] * v + B[1, 1, 0] * z
-                q = A[1, 1, 0] * x + A[1, 1, 1] * y + B[0, 1, 1] * v + B[1, 1, 1] * z
-                r = A[2, 0, 0] * x + A[2, 0, 1] * y + B[0, 2, 0] * v + B[1, 2, 0] * z
-                s = A[2, 1, 0] * x + A[2, 1, 1] * y + B[0, 2, 1] * v + B[1, 2, 1] * z
-                p, q = p + A[0, 0, 0] * dx + A[0, 0, 1] * dy, q + A[0, 1, 0] * dx + A[0, 1, 1] * dy
-                r, s = r + A[0, 0, 0] * ex + A[0, 0, 1] * ey, s + A[0, 1, 0] * ex + A[0, 1, 1] * ey
-                dx, dy, ex, ey = flush(p), flush(q), flush(r), flush(s)
-                p = A[0, 0, 0] * x + A[0, 0, 1] * y + B[0, 0, 0] * v + B[1, 0, 0] * z
-                q = A[0, 1, 0] * x + A[0, 1, 1] * y + B[0, 0, 1] * v + B[1, 0, 1] * z
-                x, y = flush(p), flush(q)
-            i = k - first
-            if out.shape[1] == 2:
-                out[m, 0, i], out[m, 1, i] = x, dx
-            else:
-                out[m, 0, i], out[m, 1, i], out[m, 2, i] = x, y, dx
-                out[m, 3, i], out[m, 4, i], out[m, 5, i] = dy, ex, ey
+                v, z, x, y = w[k - 1], w[k], state[0, 0], state[0, 1]
+                for d in range(3):
+                    for i in range(2):
+                        p = A[d, i, 0] * x + A[d, i, 1] * y + B[0, d, i] * v + B[1, d, i] * z
+                        if d > 0:
+                            p = p + A[0, i, 0] * state[d, 0] + A[0, i, 1] * state[d, 1]
+                        new[d, i] = flush(p)
+                state[:] = new
+            for d in range(order + 1):
+                for i in range(order):
+                    out[m, order * d + i, k - first] = state[d, i]
 
 
 @compiled(nogil=True)

@@ -45,7 +45,12 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
         several = types[key] is _Harmonics
         values[fields[key]] = tuple(x if isinstance(x, list) else [x]) if several else x
     effect = cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
-    _check_search(effect, where)
+    for shape in effect.shapes():
+        if not shape.lower < shape.upper:
+            raise MachineError(
+                f"{where}: {shape.name} would be searched from {shape.lower:g} to {shape.upper:g} "
+                f"{shape.unit}; the lower end must be below the upper"
+            )
     return effect
 
 
@@ -60,15 +65,6 @@ def _kind(name: Any, where: str) -> type[Effect]:
     if kind.unlisted:
         raise MachineError(f"{where}: {kind.name} {kind.unlisted}")
     return kind
-
-
-def _check_search(effect: Effect, where: str) -> None:
-    for shape in effect.shapes():
-        if not shape.lower < shape.upper:
-            raise MachineError(
-                f"{where}: {shape.name} would be searched from {shape.lower:g} to {shape.upper:g} "
-                f"{shape.unit}; the lower end must be below the upper"
-            )
 
 
 def settings_of(cls: type[Effect]) -> dict[str, str]:

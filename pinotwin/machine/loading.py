@@ -16,7 +16,7 @@ from pinotwin.machine.bundled import machines, robots
 from pinotwin.machine.effect_list import effect_spec, make_effects
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, MachineFile, Passive
-from pinotwin.machine.urdf import check_inertia, load_model
+from pinotwin.machine.urdf import idle_joints, load_model
 from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.reading import kinds_of, read
@@ -93,7 +93,11 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
     model.armature = np.zeros(model.nv)
     for axis in axes.values():
         model.armature[axis.index] = axis.rotor_inertia
-    check_inertia(model, str(urdf))
+    for joint in idle_joints(model)[:1]:
+        raise MachineError(
+            f"{urdf}: joint {joint!r} moves no inertia (massless link); give its "
+            "link an <inertial> or the axis a rotor_inertia, or leave it out of the axes"
+        )
     _check_partners(axes)
     given = file.get("meshes") or []
     meshes = [given] if isinstance(given, str) else given

@@ -197,8 +197,9 @@ class Machine(Card):
         model = self.model
         locked = [model.getJointId(part.joint) for part in self.passive.values()]
         rigid = pin.buildReducedModel(model, locked, pin.neutral(model))
-        places = {name: int(rigid.idx_vs[rigid.getJointId(axis.joint)]) for name, axis in self.axes.items()}
-        axes = {name: replace(axis, index=places[name]) for name, axis in self.axes.items()}
+        axes = {
+            k: replace(a, index=int(rigid.idx_vs[rigid.getJointId(a.joint)])) for k, a in self.axes.items()
+        }
         spec = {key: value for key, value in self.spec.items() if key != "passive"}
         return replace(self, model=rigid, axes=axes, passive={}, spec=spec)
 
@@ -233,3 +234,20 @@ class Machine(Card):
         path = folder / "machine.yaml"
         write_text(path, yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True))
         return path
+
+
+MachineLike = Machine | pin.Model | str | Path
+"""A machine, a ``pin.Model``, a folder, machine.yaml or URDF, or the name of a bundled one."""
+
+
+def as_machine(given: Any, name: str = "machine") -> Machine:
+    """Return a machine as it is, of a ``pin.Model`` (every joint an axis) or loaded; ``name`` is for messages."""
+    if isinstance(given, Machine):
+        return given
+    if isinstance(given, pin.Model):
+        return Machine.from_model(given)
+    if isinstance(given, str | Path):
+        return Machine.load(given)
+    raise InputError(
+        f"{name}: expected a Machine, its folder, a pin.Model, a URDF or a bundled name, not {type(given).__name__}"
+    )

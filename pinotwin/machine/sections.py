@@ -74,10 +74,9 @@ def columns(stated: Mapping[str, Any], names: tuple[str, ...], model: pin.Model)
     frames = [frame.name for frame in model.frames]
     for channel in columns:
         owner, _, signal = channel.rpartition(".")
-        if owner and signal in AXIS_SIGNALS and owner not in names:
-            raise MachineError(f"columns.{channel}: no axis {owner!r}; {nearest(owner, names)}")
-        if owner and signal in LOAD_SIGNALS and owner not in frames:
-            raise MachineError(f"columns.{channel}: no link {owner!r}; {nearest(owner, frames)}")
+        if owner:
+            what, known = ("axis", names) if signal in AXIS_SIGNALS else ("link", frames)
+            require(owner, known, f"columns.{channel}: no {what}", MachineError)
     return columns
 
 

@@ -67,15 +67,6 @@ def idle_joints(model: pin.Model) -> list[str]:
     return [str(model.names[j]) for j in range(1, model.njoints) if diagonal[model.idx_vs[j]] <= 1e-12]
 
 
-def check_inertia(model: pin.Model, where: str) -> None:
-    """Refuse a model in which some joint moves nothing, by the name of the first."""
-    for joint in idle_joints(model)[:1]:
-        raise MachineError(
-            f"{where}: joint {joint!r} moves no inertia (massless link); give its "
-            "link an <inertial> or the axis a rotor_inertia, or leave it out of the axes"
-        )
-
-
 def no_urdf_holds(model: pin.Model) -> bool:
     """Whether a fit found what no URDF is read with: a negative mass, or a joint that moves no inertia."""
     return any(body.mass < 0.0 for body in model.inertias) or bool(idle_joints(model))

@@ -5,6 +5,7 @@ Pinocchio and urdfdom accept negative masses, loops (some for ever) and numbers 
 
 from __future__ import annotations
 
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -221,15 +222,11 @@ def _check_limit(where: str, joint: etree._Element) -> None:
 
 def _check_is_tree(links: list[str], parents: dict[str, tuple[str, str]]) -> None:
     """Refuse loops, and links that hang on nothing."""
-    for link in links:
-        at, way = link, [link]
-        while at in parents:
-            at = parents[at][1]
-            if at in way:
-                ring = way[way.index(at) :]
-                joints = ", ".join(sorted(parents[x][0] for x in ring))
-                raise MachineError(f"joints {joints} form a loop; a URDF is a tree: cut the loop at one")
-            way.append(at)
+    try:
+        TopologicalSorter({child: [parent] for child, (_, parent) in parents.items()}).prepare()
+    except CycleError as error:
+        joints = ", ".join(sorted({parents[link][0] for link in error.args[1]}))
+        raise MachineError(f"joints {joints} form a loop; a URDF is a tree: cut the loop at one") from None
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
         raise MachineError(

@@ -1,4 +1,4 @@
-"""IMUs and repeats as one motion, weighted by information: 1 / (s_r² + scatter²).
+"""IMUs and repeats as one motion, weighted by information, 1 / (s_r² + scatter²); how far a repeat lies behind.
 
 A mean of n runs (thesis Eq. 6.11, Table 6-5) does not lower what each run has of its own, such as a scale error: the
 scatter, by moments (DerSimonian and Laird 1986, 10.1016/0197-2456(86)90046-2).
@@ -13,7 +13,11 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
+from pinotwin.imu.clock import best_lag
+from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.reconstruction.result import Motion3, Sensor
+from pinotwin.signals import rms
 
 
 def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
@@ -46,11 +50,10 @@ def _of_sensor(run: int, t: Floats, sensor: Sensor) -> Motion3:
     for part in sensor.runs:
         if part.run != run:
             continue
-        f, rows = part.found, part.piece.rows
+        f = part.found
         columns = f.angle, f.velocity, f.acceleration, f.sd_angle, f.sd_velocity, f.sd_acceleration
-        values = np.stack(columns, axis=1)
-        on_grid = len(f.t) == len(rows) and np.allclose(f.t, part.piece.t, rtol=0.0, atol=1e-9)
-        x[rows] = values if on_grid else CubicSpline(f.t, values)(part.piece.t)
+        stamps = np.clip(part.piece.t, f.t[0], f.t[-1])  # its ends are those of the log, but for rounding
+        x[part.piece.rows] = at_stamps(stamps, f.t, np.stack(columns, axis=1), bridged=np.inf)
     return Motion3(t, *x.T)
 
 
@@ -96,3 +99,40 @@ def _mean(each: Sequence[Motion3]) -> tuple[Motion3, Floats]:
         sd = [np.maximum(getattr(m, f"sd_{name}")[known], 1e-12) for m in each]
         x[known, k], x[known, k + 3], spread[k] = combine(values, sd)
     return Motion3(t, *x.T), spread
+
+
+def delay(machine: Machine, reference: Log, other: Log, same: float = 0.02) -> float:
+    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s], both bound logs."""
+    (ta, a), (tb, b) = _positions(machine, reference), _positions(machine, other)
+    step = float(np.median(np.diff(ta)))
+    grid, early, late = np.arange(ta[0], ta[-1], step), CubicSpline(ta, a), CubicSpline(tb, b)
+    speeds = early(grid, 1), late(np.arange(tb[0], tb[-1], step), 1)
+    lag, _ = best_lag(*(np.linalg.norm(v, axis=1) for v in speeds))
+    shift = float(tb[0] - ta[0] - lag * step)
+    for _ in range(7):
+        t = grid[(grid + shift > tb[0]) & (grid + shift < tb[-1])]
+        if len(t) < 0.5 * len(grid):
+            gap = np.inf
+            break
+        e, slope = early(t) - late(t + shift), late(t + shift, 1)
+        gap = rms(e)
+        shift += float(np.clip(np.sum(slope * e) / np.sum(slope**2), -0.01, 0.01))
+    if gap > same:
+        raise DataError(
+            f"{other.source} is not a repeat of {reference.source} (their commands differ by "
+            f"{min(gap, 9.99):.0%} of the motion); reconstruct them one by one"
+        )
+    return shift
+
+
+def _positions(machine: Machine, log: Log) -> tuple[Floats, Floats]:
+    """Return stamps and the commands, else the positions, each over its RMS variation."""
+    kind = "qr" if all(f"{name}.qr" in log for name in machine.axes) else "q"
+    x = np.stack([log[f"{name}.{kind}"] for name in machine.axes], axis=1)
+    good = np.isfinite(x).all(axis=1) & np.isfinite(log.t)
+    t, x = log.t[good], x[good]
+    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0])
+    t, x = t[forward], x[forward]
+    size = np.std(x, axis=0)
+    moves = size > 1e-9
+    return t, (x[:, moves] - x[:, moves].mean(axis=0)) / size[moves] / np.sqrt(max(moves.sum(), 1))

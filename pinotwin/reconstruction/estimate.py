@@ -17,16 +17,14 @@ from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
 from pinotwin.imu.filters import group_delay
-from pinotwin.imu.noise import rest
 from pinotwin.imu.predict import RunModel
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+from pinotwin.imu.whiten import rest
 from pinotwin.log import Log
 from pinotwin.logs.channels import usable
-from pinotwin.logs.files.given import LogLike, as_logs
-from pinotwin.machine import Machine
-from pinotwin.machine.given import MachineLike, as_machine
-from pinotwin.reconstruction.combine import combined, of_run
-from pinotwin.reconstruction.repeats import delay
+from pinotwin.logs.files import LogLike, as_logs
+from pinotwin.machine import Machine, MachineLike, as_machine
+from pinotwin.reconstruction.combine import combined, delay, of_run
 from pinotwin.reconstruction.result import Motion3, Sensor, SensorRun, Unused, Vibration
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import (

@@ -20,7 +20,6 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin import dynamics
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics import jacobian, mass_matrix
 from pinotwin.errors import DataError, MachineError, require
 from pinotwin.imu.filters import group_delay
 from pinotwin.imu.result import BatchResult, RunResult
@@ -29,7 +28,7 @@ from pinotwin.log import Log
 from pinotwin.logs.channels import joint_positions
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.signals import low_pass
+from pinotwin.signals import joined, low_pass
 from pinotwin.system.kernels import compiled
 
 
@@ -74,7 +73,7 @@ def imu_link(machine: Machine, joint: str, number: int, link: str | None) -> str
             "machine.yaml, or name the link"
         )
     chosen = link if link is not None else stated[min(number, len(stated) - 1)]
-    J = jacobian(machine.model, chosen, machine.posture()[None])
+    J = dynamics.jacobian(machine.model, chosen, machine.posture()[None])
     if np.linalg.norm(J[0, 3:, machine.passive[joint].index]) < 1e-9:
         raise DataError(
             f"{machine.name}: link {chosen!r} does not move with the passive joint {joint!r}; "
@@ -86,7 +85,7 @@ def imu_link(machine: Machine, joint: str, number: int, link: str | None) -> str
 def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
     """Return the priors of the batch estimate: the mode from machine.yaml, gravity, low-passes."""
     part = machine.passive[joint]
-    inertia = float(mass_matrix(machine.model, machine.posture()[None])[0, part.index, part.index])
+    inertia = float(dynamics.mass_matrix(machine.model, machine.posture()[None])[0, part.index, part.index])
     corner = settings.imu_cutoff if settings.imu_cutoff > 0.0 else np.inf
     frequency, damping, doubt = 20.0, 0.03, 0.7
     if part.stiffness and inertia > 0.0:
@@ -128,15 +127,15 @@ def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> 
     for part in machine.passive.values():
         q[:, part.index] = 0.0
     step = float(np.median(np.diff(log.t[rows])))
-    cuts = np.flatnonzero(np.diff(log.t[rows]) > bridged * step) + 1
+    unbroken = [rows[part] for part in joined(log.t[rows], bridged * step)]
     out = []
-    for some in np.split(rows, cuts):
+    for some in unbroken:
         if log.t[some[-1]] - log.t[some[0]] >= shortest:
             motion = _uniform(machine, log.t[some], q[some], step, cutoff)
             run = servo_run(machine, motion, joint, link)
             out.append(Piece(some, log.t[some], motion, run))
     if not out:
-        length = max(float(log.t[s[-1]] - log.t[s[0]]) for s in np.split(rows, cuts))
+        length = max(float(log.t[s[-1]] - log.t[s[0]]) for s in unbroken)
         raise DataError(
             f"{log.source}: the longest stretch without a hole is {length:.3g} s, at least "
             f"{shortest:g} s are needed to tell a vibration from a drift; record longer"

@@ -6,7 +6,7 @@ Of a flexible machine also its vibration from the command alone, spring and pole
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from pinotwin.loop.servo import LOST, SHAPES, Servo
 from pinotwin.machine import Machine
 from pinotwin.report import closed_loop_plots as plots
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
+from pinotwin.report.blocks import Block, Html, Plot, Tabs, chip, table
 from pinotwin.report.display import DEGREES, SI, Scale, percent, scale_of
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import wide_loops
@@ -36,27 +36,25 @@ Column = Callable[[str, str, Mapping[str, float]], object]
 
 
 def closed_loop_content(twin: Twin, log: Log) -> dict[str, Any]:
-    """Return ``loop``, blocks about the closed loops along a command, and ``bent``, of flexible joints."""
+    """Return what templates/closed_loop.html shows of the loops along a command, and flexible.html of joints."""
     if not twin.loops:
-        return {"loop": [], "bent": {}}
-    try:
-        predicted, parts, log = twin.simulate(log), decompose(twin, log), bind(log, twin.machine.columns)
-    except PinotwinError as error:
-        said = paragraph(f"The command could not be simulated: {error}")
-        return {"loop": [said, *structure_blocks(twin)], "bent": {}}
-    blocks = [*response_blocks(twin, log, predicted), *structure_blocks(twin), *cause_blocks(twin, parts)]
-    return {"loop": blocks, "bent": flexible_content(twin, log, predicted)}
-
-
-def response_blocks(twin: Twin, log: Log, predicted: Log) -> list[Block]:
-    """Return the response beside the measurement, and its errors."""
+        return {"closed": {}, "bent": {}}
     machine, axes = twin.machine, [name for name in twin.machine.axes if name in twin.loops]
-    title = f"Predicted from the command of {display.elided(log.source)}"
-    note = "Nothing measured enters the prediction. Drag to zoom: all follow."
-    out: list[Block] = [Plot(plots.response_figure(machine, log, predicted, axes), title, note)]
-    if any(measured(machine, log, axis) for axis in axes):
-        out += [heading("Error of the prediction"), score_table(twin, log, predicted)]
-    return [*out, *([bullets(dict.fromkeys(predicted.notes))] if predicted.notes else [])]
+    closed: dict[str, Any] = {"poles": {axis: loop.pole_table() for axis, loop in twin.loops.items()}}
+    closed["gains"] = servo_table(twin) if twin.servos else ""
+    try:
+        predicted, parts, log = twin.simulate(log), decompose(twin, log), bind(log, machine.columns)
+    except PinotwinError as error:
+        return {"closed": {**closed, "error": error}, "bent": {}}
+    closed |= {
+        "source": display.elided(log.source),
+        "response": plots.response_figure(machine, log, predicted, axes),
+        "errors": score_table(twin, log, predicted) if any(measured(machine, log, x) for x in axes) else "",
+        "notes": dict.fromkeys(predicted.notes),
+        "shares": plots.cause_shares_figure(parts),
+        "causes": cause_tabs(twin, parts),
+    }
+    return {"closed": closed, "bent": flexible_content(twin, log, predicted)}
 
 
 def scores_table(
@@ -100,27 +98,8 @@ def share(x: float | None) -> str:
     return "–" if x is None or x != x else percent(x)
 
 
-def structure_blocks(twin: Twin) -> list[Block]:
-    """Return poles and gains of every axis."""
-    searched = (
-        "Poles of the closed loop of each axis, with the bounds within which they were searched. "
-        "ζ is the damping ratio."
-    )
-    poles = macro("poles", {axis: loop.pole_table() for axis, loop in twin.loops.items()})
-    out: list[Block] = [heading("Poles"), paragraph(searched, "lead"), poles]
-    if twin.servos:
-        law = (
-            "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
-            "reaches no further than a tenth of the gain. Tied: position gain and 1/ti cannot be "
-            "separated; only their sum and product, shown below, are identified."
-        )
-        turn = [name for name, axis in twin.machine.axes.items() if axis.rotary]
-        out += [heading("Controller"), paragraph(law, "lead"), servo_table(twin.servos, turn)]
-    return out
-
-
-def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:
-    """Return which cause makes how much of the tracking error, and the disturbances over time."""
+def cause_tabs(twin: Twin, parts: Decomposition) -> Tabs:
+    """Return the disturbances and what they make of the tracking error over time, axis by axis."""
     load = "What the motor must work against beside the axis' own mean inertia and damping."
     each = "Each part, sent through the identified loop on its own; the parts add up."
     panels: dict[str, list[Block]] = {}
@@ -129,22 +108,22 @@ def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:
         loads, errors = (plots.causes_figure(parts, axis, turns, what) for what in ("disturbance", "error"))
         first = Plot(loads, f"{axis}: disturbance by cause", load)
         panels[axis] = [first, Plot(errors, f"{axis}: tracking error by cause", each)]
-    shares = Plot(plots.cause_shares_figure(parts))
-    return [heading("Causes of the tracking error"), shares, Tabs(panels)]
+    return Tabs(panels)
 
 
-def servo_table(servos: Mapping[str, Servo], rotary: Collection[str] = ()) -> Html:
+def servo_table(twin: Twin) -> Html:
     """Return gains and lags of the controllers, 90 % intervals, and sums and products of what is known only so."""
     rows: list[list[object]] = []
-    for axis, servo in servos.items():
+    for axis, servo in twin.servos.items():
         told, determined, service = servo.intervals(), servo.determined(), servo.service()
+        turns = twin.machine.axes[axis].rotary
         gains = ("ffv",) if servo.form == "pid" else ("kp", "rate")  # what a combination is made of
         known = all(determined.get(name, True) for name in gains)
         both = {} if known else {k: x for k, x in servo.combined().items() if k in told}
         numbers = {name: (x, *told.get(name, (x, x))) for name, x in {**servo.named(), **both}.items()}
         numbers |= {name: service[name] for name in ("Kv", "reset time", LOST) if name in service}
         for k, (name, number) in enumerate(numbers.items()):
-            scale = _UNITS.get(name, SI) if name != LOST else scale_of("e", axis in rotary, number[0])
+            scale = scale_of("e", turns, number[0]) if name == LOST else _UNITS.get(name, SI)
             value, low, high = (scale.factor * x for x in number)
             endless = name == "Kv" and not math.isfinite(value)
             shown = "no following error" if endless else f"{value:.4g} {scale.unit}".strip()

@@ -15,6 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
+from pinotwin.errors import some
 from pinotwin.report.blocks import Block, Group, Html, Page, Plot, Tile, chip, macro, table, tiles
 from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
@@ -209,8 +210,4 @@ def _errors(found: Comparison) -> Html | str:
 
 
 def _notes(found: Comparison) -> list[str]:
-    lines = [*found.notes]
-    for label, names in found.only.items():
-        few = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-        lines.append(f"only in {label}: {few}")
-    return lines
+    return [*found.notes, *(f"only in {label}: {some(names, 6)}" for label, names in found.only.items())]

@@ -144,11 +144,8 @@ def _panel(d: Diagnosis, logs: Sequence[Log], given: Traces, turns: bool) -> lis
 
 
 def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
-    try:
-        motion = d.prepared[given.log].motion if given.log < len(d.prepared) else None
-    except PinotwinError:
-        return []  # the log or the machine is not at hand; the rest stands
-    if motion is None or given.axis not in motion.names:
+    motion = first_screen.motion_of(d, given)
+    if motion is None:
         return []
     j = motion.index(given.axis)
 

@@ -15,6 +15,7 @@ from pinotwin.diagnosis.grade import OPEN
 from pinotwin.diagnosis.phrases import label_words, on_axis, rivals
 from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Traces
 from pinotwin.errors import PinotwinError
+from pinotwin.motion import Motion
 from pinotwin.report import figures
 from pinotwin.report.blocks import Plot
 from pinotwin.report.diagnosis_verdict import event, rotary_axes
@@ -94,22 +95,23 @@ def picture(d: Diagnosis) -> Plot | None:
     """Return measured, predicted, and predicted with the causes where they differ most; None without the logs."""
     efforts = {axis: row["u"] for axis, row in d.gap.items() if "u" in row}
     named = {e.axis for e in d.effects}
-    traces = {
-        t.axis: t
-        for t in reversed(d.traces)
-        if t.axis in efforts and len(t.t) > 1 and t.log < len(d.prepared)
-    }
+    known = (t for t in reversed(d.traces) if len(t.t) > 1 and t.log < len(d.prepared))
+    traces = {t.axis: t for t in known if t.axis in efforts}
     axis = max(traces, key=lambda a: (a in named, d.state(a) == "changed", _over(efforts[a])), default=None)
+    motion = None if axis is None else motion_of(d, traces[axis])
+    return None if axis is None or motion is None else _picture(d, traces[axis], motion)
+
+
+def motion_of(d: Diagnosis, given: Traces) -> Motion | None:
+    """Return the motion of the log that traces are of; None where the log or the machine is not at hand."""
     try:
-        return None if axis is None else _picture(d, traces[axis])
+        motion = d.prepared[given.log].motion if given.log < len(d.prepared) else None
     except PinotwinError:
-        return None  # the log or the machine is not at hand; the rest stands
-
-
-def _picture(d: Diagnosis, given: Traces) -> Plot | None:
-    motion = d.prepared[given.log].motion
-    if given.axis not in motion.names:
         return None
+    return motion if motion is not None and given.axis in motion.names else None
+
+
+def _picture(d: Diagnosis, given: Traces, motion: Motion) -> Plot:
     j, turns = motion.index(given.axis), rotary_axes(d).get(given.axis, False)
     times = [time for e in d.effects if e.axis == given.axis and (time := event(d, e))]
     if times and isinstance(d.subject, Twin):  # the rows of an event are not among those that were judged

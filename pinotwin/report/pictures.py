@@ -14,7 +14,7 @@ from pinotwin.analysis.diagnoses import Diagnoses
 from pinotwin.arrays import mapped
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import InputError
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.reconstruction import Vibration
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
@@ -98,16 +98,6 @@ def _(twin: Twin, *logs: LogLike) -> str:
 
 
 @figure.register
-def _(predicted: Prediction) -> go.Figure:
-    return response_figure(predicted.twin.machine, predicted.command, predicted)
-
-
-@page.register
-def _(predicted: Prediction) -> str:
-    return simulation_report(predicted)
-
-
-@figure.register
 def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
     """Return log minus model over time, of an axis or of the one with the first named cause."""
     rotary = rotary_axes(found)
@@ -119,11 +109,9 @@ def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
     raise InputError(f"nothing to draw of {', '.join(wanted) or 'this diagnosis'}")
 
 
-@page.register
-def _(found: Diagnosis) -> str:
-    return diagnosis_html(found)
-
-
+figure.register(Prediction, lambda found: response_figure(found.twin.machine, found.command, found))
+page.register(Prediction, lambda found: simulation_report(found))
+page.register(Diagnosis, lambda found: diagnosis_html(found))
 page.register(Comparison, comparison_report)
 page.register(Diagnoses, diagnoses_report)
 page.register(Vibration, vibration_report)

@@ -62,11 +62,11 @@ def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> lis
     from pinotwin.viewer.gap import gap_page
 
     machine = machine_of(found)
-    if machine is None or not found.logs:
+    if machine is None or not found.prepared:
         return []
     machine = machine.with_meshes(meshes)
     try:
-        write_text(folder / "machine.html", gap_page(found, machine, found.logs[0]))
+        write_text(folder / "machine.html", gap_page(found, machine))
     except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
         return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
     missing = missing_meshes(machine.urdf, machine.meshes)

@@ -40,7 +40,6 @@ def simulation_report(predicted: Prediction, files: Files = (), made: Mapping[st
         for axis, signals in scores.items()
         for s, row in signals.items()
     }
-    turning = [name for name, axis in machine.axes.items() if axis.rotary]
     legend = {printed(word).capitalize(): SIMULATED_GRADES[word][1] for word in grades.values()}
     content = {
         "sentences": _sentences(scores, grades),
@@ -52,7 +51,7 @@ def simulation_report(predicted: Prediction, files: Files = (), made: Mapping[st
         "twin": twin,
         "coupled": form == "coupled",
         "laws": SERVOS,
-        "gains": servo_table(twin.servos, turning) if form == "coupled" and twin.servos else "",
+        "gains": servo_table(twin) if form == "coupled" and twin.servos else "",
     }
     options = {"controller": form, **known.get("options", {})}
     facts = {"twin_from": [dict(row) for row in twin.data], **known, "options": options}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from pinotwin.effects import AxisEffect
 from pinotwin.errors import DataError, InputError, require
 from pinotwin.identification import identify
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_logs
+from pinotwin.logs.files import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Page, Plot, Section, files_block, heading, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
@@ -74,19 +73,17 @@ class Studied:
                 write_text(part / name, csv_text([one.header, *rows]))
         return target
 
-    def add(self, name: str, found: Study, figure: go.Figure) -> None:
-        """Add a study; its name begins with its kind: a section of the page, the finding first, and a table."""
-        header, rows, file = found.header, found.rows, f"{name}.csv"
+    def add(self, kind: str, of: Sequence[str], found: Study, figure: go.Figure) -> None:
+        """Add a study ``of`` an axis, and a kind of effect: a section of the page, the finding first, and a table."""
+        header, rows, file = found.header, found.rows, f"{'_'.join((kind, *of))}.csv"
         self.studies[file] = found
-        kind, _, of = name.partition("_")
-        title, part = _title(kind), [heading(_of(name))] if of else []
+        part = [heading(", ".join(of))] if of else []
         shown = [[_cell(*cell) for cell in zip(header, row, strict=True)] for row in rows]
         link = [(file, f"{len(rows)} rows: {', '.join(header)}")]
         short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
-        self.page = self.page.section(
-            title, *part, paragraph(f"{capital(found.finding)}."), Plot(figure), *below
-        )
+        said = paragraph(f"{capital(found.finding)}.")
+        self.page = self.page.section(_title(kind), *part, said, Plot(figure), *below)
 
 
 def study(
@@ -123,12 +120,13 @@ def study(
     if twin is None and set(kinds) - {"amount", "coupling"}:
         twin = identify(machine, logs, loop="errors" in kinds, report=report)
     page = Page(f"{machine.name}: studies", ", ".join(one.source for one in logs))
-    out = Studied(page, machine=machine.name)
+    out, findings = Studied(page, machine=machine.name), list[tuple[str, str, str]]()
     for i, kind in enumerate(kinds):
         tell(f"study: {kind}", i / len(kinds))
         try:
-            for name, *found in _made(kind, machine, twin, logs, names, window):
-                out.add(name, *found)
+            for k, (of, found, figure) in enumerate(_made(kind, machine, twin, logs, names, window)):
+                out.add(kind, of, found, figure)
+                findings.append(("" if k else _title(kind), ", ".join(of), f"{capital(found.finding)}."))
         except InputError as error:
             out.left_out.append(f"{kind}: {error}")
     if out.left_out:
@@ -138,11 +136,12 @@ def study(
     span = None if window is None else ",".join(f"{x:g}" for x in window)
     how = made(began, only=kinds, axis=list(axes) or "all", window=span)
     facts = made_of(machine, [(one, "studied") for one in logs], **how)
-    out.page = replace(out.page, sections=(_findings(out.studies), *out.page.sections), made=facts)
+    first = Section("Findings", (table(("study", "of", "finding"), findings),))
+    out.page = replace(out.page, sections=(first, *out.page.sections), made=facts)
     return out
 
 
-Made = Iterator[tuple[str, Study, go.Figure]]
+Made = Iterator[tuple[Sequence[str], Study, go.Figure]]
 
 
 def _made(
@@ -153,11 +152,11 @@ def _made(
     names: Sequence[str],
     window: tuple[float, float] | None,
 ) -> Made:
-    """Yield the studies of a kind, each with its name and its figure."""
+    """Yield the studies of a kind, each with axis and kind of effect that it is of, and its figure."""
     if kind == "amount":
-        yield kind, (found := error_against_data(machine, logs)), amount_figure(found)
+        yield (), (found := error_against_data(machine, logs)), amount_figure(found)
     elif kind == "coupling":
-        yield kind, (found := coupled_against_decoupled(machine, logs, axes=names)), coupling_figure(found)
+        yield (), (found := coupled_against_decoupled(machine, logs, axes=names)), coupling_figure(found)
     elif twin is None:
         raise InputError("needs a twin")
     elif kind == "errors":
@@ -171,14 +170,14 @@ def _made(
 def _without(twin: Twin, seen: Evidence, axis: str) -> Made:
     if own := _own_effects(twin, axis):
         found = with_and_without(twin, seen, axis, own)
-        yield f"without_{axis}", found, removal_figure(found)
+        yield [axis], found, removal_figure(found)
 
 
 def _overlays(twin: Twin, seen: Evidence, axis: str) -> Made:
     for name, (effects, against) in zip(("friction", "ripple", "table"), OVERLAYS.values(), strict=True):
         if set(_own_effects(twin, axis)) & set(effects):
             found = overlay(twin, seen, axis, effects, against)
-            yield f"overlay_{axis}_{name}", found, overlay_figure(found)
+            yield (axis, name), found, overlay_figure(found)
 
 
 def _own_effects(twin: Twin, axis: str) -> list[str]:
@@ -195,22 +194,7 @@ def _errors(found: Decomposition, machine: Machine, names: Sequence[str]) -> Mad
             cause, *_, share = rows[0]
             finding = STUDIED["errors"].format(share=share, cause=CAUSES[str(cause)][0])
             figure = causes_figure(found, axis, machine.axis(axis).rotary, "error")
-            yield f"errors_{axis}", Study(finding, header, rows), figure
-
-
-def _of(name: str) -> str:
-    """Return the axis and the kind of effect that a table is of."""
-    return name.removesuffix(".csv").partition("_")[2].replace("_", ", ")
-
-
-def _findings(studies: Mapping[str, Study]) -> Section:
-    """Return what the studies found, the title of each where it begins."""
-    titles = [_title(re.split(r"[_.]", name)[0]) for name in studies]
-    rows = [
-        ("" if title == before else title, _of(name), f"{capital(found.finding)}.")
-        for before, title, (name, found) in zip(["", *titles], titles, studies.items(), strict=False)
-    ]
-    return Section("Findings", (table(("study", "of", "finding"), rows),))
+            yield [axis], Study(finding, header, rows), figure
 
 
 def _title(kind: str) -> str:

@@ -152,6 +152,10 @@ class _Table:
             self.taken[channel] = Guess(channel, column, reason)
             self.used.add(column)
 
+    def amend(self, guess: Guess, said: str, **changes: Any) -> None:
+        """Change a guess, and say why."""
+        self.taken[guess.channel] = replace(guess, reason=f"{guess.reason}; {said}", **changes)
+
     def values(self, channel: str) -> Floats | None:
         """Return the numbers of a channel that is given or named."""
         guess = self.taken.get(channel)
@@ -219,10 +223,10 @@ def _by_name(table: _Table) -> None:
         if not is_contract_name(c)
     }
     only = next(iter(table.axes)) if len(table.axes) == 1 else None
-    for column, label in sorted(labels.items(), key=lambda item: is_set_value(item[0])):
-        axis = label.axis or only
-        if axis and label.signal and np.isfinite(table.log[column]).any():
-            table.give(f"{axis}.{label.signal}", column, label.why)
+    for column, (named, signal, why) in sorted(labels.items(), key=lambda item: is_set_value(item[0])):
+        axis = named or only
+        if axis and signal and np.isfinite(table.log[column]).any():
+            table.give(f"{axis}.{signal}", column, why)
 
 
 def _by_number(table: _Table) -> None:
@@ -233,12 +237,11 @@ def _by_number(table: _Table) -> None:
         if found:
             families.setdefault(found[0], []).append((found[1], column))
     for stem, members in sorted(families.items(), key=lambda item: is_set_value(item[0])):
-        label = read_label(stem.replace("#", " "), table.log.units.get(members[0][1]), [], [])
-        if label.signal is None or len(members) < 2:
+        _, signal, why = read_label(stem.replace("#", " "), table.log.units.get(members[0][1]))
+        if signal is None or len(members) < 2:
             continue
         for axis, (number, column) in zip(table.axes, sorted(members), strict=False):
-            said = f"{label.why}, number {number} taken as {axis}: order guessed"
-            table.give(f"{axis}.{label.signal}", column, said)
+            table.give(f"{axis}.{signal}", column, f"{why}, number {number} taken as {axis}: order guessed")
 
 
 def _by_behaviour(table: _Table) -> None:
@@ -311,8 +314,7 @@ def _swapped(table: _Table) -> None:
         if q and qr and q.column and qr.column and "follow" not in q.reason:
             apart = distance(table.log[q.column], table.log[qr.column])
             if apart < 0.5:
-                said = f"{q.reason}; follows {axis}.qr within {apart:.2%}"
-                table.taken[q.channel] = replace(q, reason=said)
+                table.amend(q, f"follows {axis}.qr within {apart:.2%}")
 
 
 def _units(table: _Table) -> list[str]:
@@ -333,9 +335,8 @@ def _units(table: _Table) -> list[str]:
                 if not unit:
                     far = float(np.nanmax(np.abs(table.log[guess.column])))
                     unit = ("deg" if far > 13.0 else "rad") if rotary else ("mm" if far > 5.0 else "m")
-                said = f"no unit stated, {unit} by its size"
                 written = "" if unit in ("m", "rad") else unit
-                table.taken[guess.channel] = replace(guess, unit=written, reason=f"{guess.reason}; {said}")
+                table.amend(guess, f"no unit stated, {unit} by its size", unit=written)
         _unit_of_speed(table, axis)
     return questions
 
@@ -354,8 +355,7 @@ def _unit_of_speed(table: _Table, axis: str) -> None:
     times = {f"{unit}/s": 1.0, f"{unit}/min": 60.0, "rpm": 60.0 * SI_FACTOR[unit] / SI_FACTOR["rev"]}
     known = {name: factor for name, factor in times.items() if name in SI_FACTOR}
     best = min(known, key=lambda name: abs(np.log(max(abs(slope), 1e-12) / known[name])))
-    said = f"{v.reason}; no unit stated, {best} by its size"
-    table.taken[v.channel] = replace(v, unit="" if SI_FACTOR[best] == 1.0 else best, reason=said)
+    table.amend(v, f"no unit stated, {best} by its size", unit="" if SI_FACTOR[best] == 1.0 else best)
 
 
 def _efforts(table: _Table) -> list[str]:
@@ -369,9 +369,7 @@ def _efforts(table: _Table) -> list[str]:
         if q is not None and table.step > 0.0:
             share, negative = push(q, table.log[column], table.step)
             if negative and share > table.explained:
-                said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
-                guess = replace(guess, factor=-1.0, reason=said)
-                table.taken[guess.channel] = guess
+                table.amend(guess, "it falls with acceleration and speed: sign turned", factor=-1.0)
         if is_set_value(column):
             questions.append(
                 f"{axis}.u: {column} is a set value of the controller or computed by it; "

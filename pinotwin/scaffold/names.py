@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from pinotwin.units import SI_FACTOR
 
@@ -32,25 +31,21 @@ _WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class Label:
-    """What a column's name says."""
-
-    axis: str | None  # the axis, None where the name does not say
-    signal: str | None  # ``qr q v u e``, or None
-    why: str  # the words that say so
-
-
 def tokens(name: str) -> list[str]:
     """Return the words of a name: ``X1_ActualPosition`` -> x1, actual, position."""
     spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     return [part.casefold() for part in re.split(r"[\W_]+", spaced) if part]
 
 
-def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequence[str]) -> Label:
-    """Return axis and signal that a column's name, and its unit in the file, say; joints are in the axes' order."""
+def read_label(
+    name: str, unit: str | None, axes: Sequence[str] = (), joints: Sequence[str] = ()
+) -> tuple[str | None, str | None, str]:
+    """Return axis and signal (``qr q v u e``) that a column's name, and its unit in the file, say, and why.
+
+    None where they do not say it; ``joints`` are in the order of ``axes``.
+    """
     words = tokens(name)
-    return Label(_axis(name, words, axes, joints), *_signal(words, unit))
+    return _axis(name, words, axes, joints), *_signal(words, unit)
 
 
 def _named(words: Sequence[str]) -> dict[str, list[str]]:

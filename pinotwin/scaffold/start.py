@@ -15,7 +15,7 @@ from lxml import etree
 from pinotwin.columns import bind
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots
 from pinotwin.machine.sections import parse_columns

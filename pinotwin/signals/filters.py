@@ -17,6 +17,7 @@ import scipy
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 
+_butterworth = lru_cache(scipy.signal.butter)
 Segments = Sequence[slice] | None
 BAND = (1.0, 60.0)  # in which a structure vibrates: slower is motion, faster is noise [Hz]
 
@@ -28,24 +29,19 @@ def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Se
     x = np.asarray(x, dtype=float)
     if cutoff >= rate / 2:
         return x.copy()
-    return _both_ways(x, _butterworth(order, float(cutoff), float(rate)), order, segments)
+    return _both_ways(x, _butterworth(order, cutoff, fs=rate, output="sos"), order, segments)
 
 
-def _both_ways(x: Floats, by: tuple[Floats, Floats], order: int, segments: Segments) -> Floats:
+def _both_ways(x: Floats, sos: Floats, order: int, segments: Segments) -> Floats:
     """Filter each stretch of x, (n, ...), both ways, extended by odd reflection over 3 * order samples."""
-    pad, sos, rest = 3 * order, by[0], by[1][:, :, None]
-    out, moving = x.copy(), x.any(axis=0)
+    pad, out, moving = 3 * order, x.copy(), x.any(axis=0)
     for part in _stretches(x, segments):
         if len(x[part]) <= pad:
             raise DataError(
                 f"a stretch of {len(x[part])} samples is too short for a filter of order {order}, "
                 f"which needs {pad + 1}; leave it out or lower the order"
             )
-        y = x[part][:, moving]
-        y = np.concatenate([2.0 * y[:1] - y[pad:0:-1], y, 2.0 * y[-1:] - y[-2 : -2 - pad : -1]])
-        for _ in range(2):  # from rest on the first sample
-            y = scipy.signal.sosfilt(sos, y, axis=0, zi=rest * y[:1])[0][::-1]
-        out[part][:, moving] = y[pad:-pad]
+        out[part][:, moving] = scipy.signal.sosfiltfilt(sos, x[part][:, moving], axis=0, padlen=pad)
     return out
 
 
@@ -83,22 +79,10 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
     x = np.asarray(x, dtype=float)
     if factor == 1:
         return np.concatenate([x[part] for part in _stretches(x, segments)])
-    smooth = _both_ways(x, _decimator(factor), 8, segments)
+    sos = scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
+    smooth = _both_ways(x, sos, 8, segments)
     parts = [smooth[part] for part in _stretches(x, segments)]
     return np.concatenate([part[(len(part) - 1) % factor :: factor] for part in parts])
-
-
-@lru_cache
-def _decimator(factor: int) -> tuple[Floats, Floats]:
-    """Return sections (m, 6) and their states at rest on a constant of one, (m, 2)."""
-    sos = scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
-    return sos, scipy.signal.sosfilt_zi(sos)
-
-
-@lru_cache
-def _butterworth(order: int, cutoff: float, rate: float) -> tuple[Floats, Floats]:
-    sos = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
-    return sos, scipy.signal.sosfilt_zi(sos)
 
 
 def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:

@@ -81,9 +81,8 @@ def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
     step = clock(t).step
     good = np.isfinite(t) if valid is None else np.isfinite(t) & valid
     joined = (np.abs(dt - step) <= 0.5 * step) & good[1:] & good[:-1]
-    edges = np.flatnonzero(~joined) + 1
-    starts, stops = np.r_[0, edges], np.r_[edges, len(t)]
-    return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a)
+    bounds = [0, *(np.flatnonzero(~joined) + 1).tolist(), len(t)]
+    return tuple(slice(a, b) for a, b in pairwise(bounds) if good[a])
 
 
 def lagrange_error(t: Floats, x: Floats) -> Floats:
@@ -119,6 +118,6 @@ def uniform(
 
 
 def hats(x: Floats, low: float, high: float, count: int) -> Floats:
-    """Return the weights of knots from ``low`` to ``high``, zero beyond, shape (n, count)."""
-    place = (x - low) / (high - low) * (count - 1)
+    """Return the weights of knots from ``low`` to ``high``, beyond them those of the last knot, shape (n, count)."""
+    place = np.clip((x - low) / max(high - low, 1e-300), 0.0, 1.0) * (count - 1)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count))))

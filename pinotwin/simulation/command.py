@@ -11,7 +11,7 @@ import scipy
 from pinotwin.arrays import Floats, Mask
 from pinotwin.columns import LOAD_SIGNALS, bind
 from pinotwin.dynamics.frames import external_effort
-from pinotwin.errors import DataError, LogError, nearest
+from pinotwin.errors import DataError, LogError, nearest, some
 from pinotwin.log import Log
 from pinotwin.logs.channels import joint_positions, loads
 from pinotwin.loop import command_rates
@@ -118,13 +118,12 @@ def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     names = [f"{name}.qr" for name in machine.axes]
     missing = [name for name in names if name not in log]
     if missing:
-        more = f" and {len(missing) - 2} more" if len(missing) > 2 else ""
         taken = {"t", *(f"{axis}.{kind}" for axis in machine.axes for kind in ("q", "qr", "v", "u", "e"))}
         taken |= {str(column.column) for key, column in machine.columns.items() if not key.endswith(".qr")}
         free = [channel for channel in held if channel not in taken]  # not known to be something else
         hint = nearest(missing[0], free) if free else "none of its columns is left for it"
         raise LogError(
-            f"{log.source}: no channel {', '.join(missing[:2])}{more}; a simulation needs the command of every "
+            f"{log.source}: no channel {some(missing, 2)}; a simulation needs the command of every "
             f"axis: record it too, or name its column under `columns` in machine.yaml; {hint}"
         )
     if len(log) < FEWEST:
@@ -132,10 +131,9 @@ def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     for name in ("t", *names):
         bad = np.flatnonzero(~np.isfinite(log[name]))
         if len(bad):
-            rows = ", ".join(str(k + 1) for k in bad[:5])
-            more = f" and {len(bad) - 5} more" if len(bad) > 5 else ""
+            rows = some([str(k + 1) for k in bad], 5)
             raise LogError(
-                f"{log.source}: channel {name} is not a number in row {rows}{more}; a command must have "
+                f"{log.source}: channel {name} is not a number in row {rows}; a command must have "
                 "no holes: cut the log there"
             )
     late = np.flatnonzero(np.diff(log.t) < 0.0)

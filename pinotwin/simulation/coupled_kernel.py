@@ -21,9 +21,9 @@ from pinotwin.dynamics.stepping import entry, leaf
 from pinotwin.simulation.law import acts, asked, begun
 from pinotwin.simulation.plant_kernel import (
     along,
-    bend,
     command_at,
     dynamics,
+    further,
     invert,
     level_at,
     load_at,
@@ -51,18 +51,9 @@ def _slide(plant, tables, h, s):  # type: ignore[no-untyped-def]
         s.pace[j] = pace_of(tables, j, s.v[j])
         s.A[j, j] += h * (plant.viscous[j] + h * plant.stiffness[j])
         s.r[j] -= plant.viscous[j] * s.v[j] + plant.stiffness[j] * (s.q[j] + h * s.v[j])
-    for k in range(len(tables.speeds)):
-        j = tables.speeds[k]
-        side = 0 if s.v[j] >= 0.0 else 1
-        effort = level_at(tables.velocity, k, side, s.pace[j])
+        effort, damping = further(tables, j, h, s.q[j], s.v[j], s.pace[j], s)
         s.r[j] -= effort
-        if abs(s.v[j]) > 1e-12:
-            s.A[j, j] += h * max(effort / s.v[j], 0.0)
-    for k in range(len(tables.slips)):
-        j = tables.slips[k]
-        bend(tables, k, s.q[j], s.v[j], s.pace[j], s)
-        s.r[j] -= s.one[0] + h * s.one[2] * s.v[j]
-        s.A[j, j] += h * (s.one[1] + h * s.one[2])
+        s.A[j, j] += h * damping
 
 
 @leaf

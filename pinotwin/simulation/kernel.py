@@ -27,7 +27,7 @@ from pinotwin.loop.sections import flush
 from pinotwin.machine import Machine
 from pinotwin.simulation.plant_kernel import along, clip, command_at, dynamics, friction, invert, load_at
 
-E, E_RATE, E_RATE2, U = range(4)  # Rows of ``Blocks.C``: e, e', e'', u
+E, U = 0, 3  # Rows of ``Blocks.C``: e, e', e'', u
 D_RATE, D_RATE2, DA_RATE2, GAIN, U_V, U_A, U_D, LOAD_E, LOAD_U = range(9)
 """Columns of ``Blocks.direct``, see :class:`Blocks`."""
 
@@ -88,25 +88,13 @@ def lay_blocks(
             continue
         blocks.append(own)
         counts.append(len(own[0]))
-        others += [(j, source, gains) for source, gains in reach]
+        others += [(j, *one) for one in reach]
     pairs = [(machine.names.index(p), machine.names.index(a)) for p, a in held.items()]
-    command, source, A, B0, B1, C = (
-        np.ascontiguousarray(np.concatenate(x)) for x in zip(*blocks, strict=True)
-    )
-    return Blocks(
-        np.cumsum(counts),
-        command,
-        source,
-        A,
-        B0,
-        B1,
-        C,
-        direct=direct,
-        others=np.array([x[:2] for x in others], dtype=np.intp).reshape(-1, 2),
-        reach=np.array([x[2] for x in others], dtype=float).reshape(-1, 3),
-        pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
-        ideal=ideal,
-    )
+    stacked = [np.ascontiguousarray(np.concatenate(x)) for x in zip(*blocks, strict=True)]
+    reached = np.array([x[:2] for x in others], dtype=np.intp).reshape(-1, 2)
+    gains = np.array([x[2] for x in others], dtype=float).reshape(-1, 3)
+    paired = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+    return Blocks._make([np.cumsum(counts), *stacked, direct, reached, gains, paired, ideal])
 
 
 def _wide(loop: LoopModel) -> bool:
@@ -185,7 +173,8 @@ def _predict(blocks, c, vr0, s):  # type: ignore[no-untyped-def]
     """Advance the blocks with d held, and fill e, e', e'' without d, u; see steps 1 to 3."""
     x, C, A, B0, B1 = s.x, blocks.C, blocks.A, blocks.B0, blocks.B1
     for j in range(len(s.d)):
-        e, e1, e2, u = 0.0, 0.0, 0.0, 0.0
+        for k in range(4):
+            s.y[k] = 0.0
         for b in range(blocks.first[j], blocks.first[j + 1]):
             i = blocks.source[b]
             if blocks.command[b] == 1:
@@ -197,11 +186,8 @@ def _predict(blocks, c, vr0, s):  # type: ignore[no-untyped-def]
             z = flush(A[b, 0, 0] * p + A[b, 0, 1] * q + B0[b, 0] * w0 + B1[b, 0] * w1)
             y = flush(A[b, 1, 0] * p + A[b, 1, 1] * q + B0[b, 1] * w0 + B1[b, 1] * w1)
             x[b, 0], x[b, 1] = z, y
-            e += C[b, E, 0] * z + C[b, E, 1] * y
-            e1 += C[b, E_RATE, 0] * z + C[b, E_RATE, 1] * y
-            e2 += C[b, E_RATE2, 0] * z + C[b, E_RATE2, 1] * y
-            u += C[b, U, 0] * z + C[b, U, 1] * y
-        s.y[0], s.y[1], s.y[2], s.y[3] = e, e1, e2, u
+            for k in range(4):
+                s.y[k] += C[b, k, 0] * z + C[b, k, 1] * y
         _outputs(blocks, j, c, s)
 
 

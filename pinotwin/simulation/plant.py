@@ -53,9 +53,7 @@ class Plant:
         pull = np.stack([w * w, 2.0 * damping * w], axis=1)
         system = np.zeros((len(joint), 3, 3))
         system[:, 0, 1], system[:, 1, :2], system[:, 1, 2] = 1.0, -pull, 1.0
-        step = (
-            np.ascontiguousarray(scipy.linalg.expm(h * system)[:, :2]) if len(joint) else np.zeros((0, 2, 3))
-        )
+        step = np.ascontiguousarray(scipy.linalg.expm(h * system)[:, :2])
         return Modes(joint.astype(np.int64), share, pull, step)
 
 

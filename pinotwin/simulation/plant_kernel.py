@@ -144,14 +144,30 @@ def bend(tables, k, q, v, pace, s):  # type: ignore[no-untyped-def]
     s.one[1], s.one[2] = damp, stiff * level
 
 
+@inlined
+def further(tables, j, h, q, v, pace, s):  # type: ignore[no-untyped-def]
+    """Return effort and damping over a step of joint j's friction of velocity and presliding elements; move these."""
+    effort, damping = 0.0, 0.0
+    for k in range(len(tables.speeds)):
+        if tables.speeds[k] == j:
+            slows = level_at(tables.velocity, k, 0 if v >= 0.0 else 1, pace)
+            effort += slows
+            if abs(v) > 1e-12:
+                damping += max(slows / v, 0.0)
+    for k in range(len(tables.slips)):
+        if tables.slips[k] == j:
+            bend(tables, k, q, v, pace, s)
+            effort += s.one[0] + h * s.one[2] * v
+            damping += s.one[1] + h * s.one[2]
+    return effort, damping
+
+
 @leaf
 def friction(tables, s):  # type: ignore[no-untyped-def]
     """Add the efforts of velocity, direction (:mod:`pinotwin.effects.friction`) and displacement to r; move memory."""
     for j in range(len(s.v)):
         s.pace[j] = pace_of(tables, j, s.v[j])
-    for k in range(len(tables.speeds)):
-        j = tables.speeds[k]
-        s.r[j] += level_at(tables.velocity, k, 0 if s.v[j] >= 0.0 else 1, s.pace[j])
+        s.r[j] += further(tables, j, 0.0, s.q[j], s.v[j], s.pace[j], s)[0]
     for k in range(len(tables.directions)):
         j, partner = tables.directions[k, 0], tables.directions[k, 1]
         v, before = s.v[j], s.before[j]
@@ -164,9 +180,5 @@ def friction(tables, s):  # type: ignore[no-untyped-def]
         s.r[j] += effort
         if partner >= 0:
             s.r[partner] += effort
-    for k in range(len(tables.slips)):
-        j = tables.slips[k]
-        bend(tables, k, s.q[j], s.v[j], s.pace[j], s)
-        s.r[j] += s.one[0]
     for j in range(len(s.v)):
         s.before[j] = s.v[j]

@@ -13,7 +13,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError, InputError, TwinError, nearest, require
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
 from pinotwin.signals import rms

@@ -42,14 +42,17 @@ class Lookup(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What is asked of the machine, one row a sample; its load is external loads less effects without a table."""
+    """What is asked of the machine, one row a sample; its load is external loads less effects without a table.
+
+    Of an axis alone arrays have the shape (n,), and its load is what helps the motor.
+    """
 
     qr: Floats  # command, shape (n, nv)
     vr: Floats  # its velocity at the samples; between them the command is cubic, shape (n, nv)
     load: Floats  # effort that helps the motors, shape (n, nv), or (1, nv) if constant
     step: float  # sampling interval [s]
     substeps: int  # internal steps a sample
-    limit: Floats  # largest tracking error before the run is stopped, shape (nv,)
+    limit: Floats | float  # largest tracking error before the run is stopped, shape (nv,)
 
 
 class Modes(NamedTuple):

@@ -112,25 +112,15 @@ def _positions(machine: Machine, effects: Pairs, travel: Floats) -> tuple[Floats
 _Effort = Callable[..., Floats]
 
 
-def _effort(
-    machine: Machine,
-    effect: Effect,
-    theta: Floats,
-    i: int,
-    *,
-    q: Floats | None = None,
-    v: Floats | None = None,
-    a: Floats | None = None,
-) -> Floats:
-    """Return the effort of an effect on joint i for made-up samples, shape (n,)."""
-    given = {k: x for k, x in enumerate((q, v, a)) if x is not None}
+def _effort(machine: Machine, effect: Effect, theta: Floats, i: int, **given: Floats) -> Floats:
+    """Return the effort of an effect on joint i for made-up samples of q, v or a, zero where not given, shape (n,)."""
     n = max(map(len, given.values()))
     out = np.empty(n)
     for start in range(0, n, 20000):  # the columns of a table are wide
         rows = slice(start, min(start + 20000, n))
         state = np.zeros((3, rows.stop - start, machine.nv))
-        for k, x in given.items():
-            state[k, :, i] = x[rows]
+        for name, x in given.items():
+            state["qva".index(name), :, i] = x[rows]
         t = np.arange(float(rows.stop - start))
         motion = Motion.exact((machine.names, machine.rotary), t, *state, step=1.0)
         out[rows] = effect.along(motion, theta)[:, i]

@@ -1,4 +1,4 @@
-"""Least squares from block sums: with every block left out in turn, and with all.
+"""Least squares with every block of rows left out in turn.
 
 For rows ``y = X theta`` cut into K blocks of time, the products ``X_k'X_k`` and ``X_k'y_k`` of each block
 are all that a fit to any choice of blocks needs. The spread of the fits without one block (Quenouille 1956;
@@ -14,23 +14,16 @@ import numpy as np
 from pinotwin.arrays import Floats
 
 
-def block_sums(X: Floats, y: Floats, blocks: Sequence[slice]) -> tuple[Floats, Floats]:
-    """Return X'X and X'y of every block, shapes (K, p, p) and (K, p)."""
-    N = np.array([X[b].T @ X[b] for b in blocks])
-    return N, np.array([X[b].T @ y[b] for b in blocks])
+def without_each(X: Floats, y: Floats, blocks: Sequence[slice], ridge: float) -> Floats:
+    """Return theta of X (n, p) and y (n,) without each block in turn, and last of all, shape (K + 1, p).
 
-
-def without_each(sums: Floats) -> Floats:
-    """Return block sums (K, ...) over all blocks but one, and last over all, shape (K + 1, ...)."""
-    total = sums.sum(axis=0)
-    return np.concatenate([total - sums, total[None]])
-
-
-def solved(N: Floats, g: Floats, ridge: float, scale: Floats | None = None) -> Floats:
-    """Return the solutions, shape (K, p), of N (K, p, p) and g; a ridge is added to columns scaled to one."""
-    if scale is None:
-        scale = np.sqrt(np.maximum(np.diagonal(N[-1]), 1e-300))
-    scaled = N / np.outer(scale, scale) + ridge * np.eye(N.shape[1])
+    A ridge is added to columns scaled to one.
+    """
+    N, g = np.array([X[b].T @ X[b] for b in blocks]), np.array([X[b].T @ y[b] for b in blocks])
+    N, g = (np.concatenate([x.sum(axis=0) - x, x.sum(axis=0)[None]]) for x in (N, g))
+    size = np.sqrt(np.mean(X**2, axis=0))
+    scale = np.where(size == 0.0, 1.0, size) * np.sqrt(len(X))
+    scaled = N / np.outer(scale, scale) + ridge * np.eye(X.shape[1])
     return np.asarray(np.linalg.solve(scaled, (g / scale)[:, :, None])[:, :, 0] / scale)
 
 

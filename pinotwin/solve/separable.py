@@ -121,7 +121,9 @@ class _Search:
         high = np.concatenate([m.bounds[1] for m in self.moving])
 
         def polished() -> Callable[..., End]:
-            return partial(polish, VariableProjection(self.projection, self.sigma, self.options), (low, high))
+            return partial(
+                polish, variable_projection(self.projection, self.sigma, self.options), (low, high)
+            )
 
         first, *rivals = self.starts()
         best = polished()(first)
@@ -189,59 +191,50 @@ GAUSS_NEWTON, MAX_EVALUATIONS = 8, 40  # Most evaluations of the first and of bo
 CLOSE = 1e-9  # Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows
 
 
-class VariableProjection:
-    """Residual and Jacobian of the variable projection as functions of the search coordinates.
+def variable_projection(projection: Projection, sigma: Floats, options: Options) -> Remembered:
+    """Return residual and Jacobian of the variable projection as functions of the search coordinates.
 
     || P(x) y ||^2 with P(x) the projector off the columns W(x), and Kaufman's Jacobian -P dW/dx theta (Kaufman 1975,
-    doi:10.1007/BF01932995; Golub & Pereyra 2003, doi:10.1088/0266-5611/19/2/201).
+    doi:10.1007/BF01932995; Golub & Pereyra 2003, doi:10.1088/0266-5611/19/2/201), in small coordinates, at noise levels
+    of the axes; bounds are those of fixed coefficients first.
     """
+    width, bounds = projection.width, options.bounds(projection.width - 1)
+    linear_columns = np.delete(np.arange(width), projection.fixed)
+    cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
 
-    def __init__(self, projection: Projection, sigma: Floats, options: Options) -> None:
-        """Prepare for given noise levels of the axes; bounds are those of fixed coefficients first."""
-        self._projection = projection
-        self._sigma = sigma
-        self._tolerance = options.tolerance
-        self._bounds = options.bounds(projection.width - 1)
-        self._linear = np.delete(np.arange(projection.width), projection.fixed)
-        self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
-        self.evaluate = Remembered(self._evaluate)
-
-    def _evaluate(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the residual in small coordinates, and Kaufman's Jacobian of it."""
-        P = self._projection
-        parts = P.split(x)
-        columns = [m.at(part) for m, part in zip(P.moving, parts, strict=True)]
-        pieces = [(b, C, P.numbers(b)) for b, C in enumerate(columns)]
-        theta, free = self._solve(P.small(pieces, self._sigma, P.width))
-        for b, (m, part) in enumerate(zip(P.moving, parts, strict=True)):
-            slopes = m.slopes(part, theta[P.numbers(b) - 1])
-            pieces.append((b, slopes, P.width + np.arange(self._cuts[b], self._cuts[b + 1])))
-        small = P.small(pieces, self._sigma, P.width + len(x))
-        W, y = small[:, self._linear], small[:, P.fixed]
+    def evaluate(x: Floats) -> tuple[Floats, Floats]:
+        blocks = list(zip(projection.moving, projection.split(x), strict=True))
+        pieces = [(b, m.at(part), projection.numbers(b)) for b, (m, part) in enumerate(blocks)]
+        small = projection.small(pieces, sigma, width)
+        theta, free = _bounded(
+            small[:, linear_columns], small[:, projection.fixed], bounds, options.tolerance
+        )
+        for b, (m, part) in enumerate(blocks):
+            slopes = m.slopes(part, theta[projection.numbers(b) - 1])
+            pieces.append((b, slopes, width + np.arange(cuts[b], cuts[b + 1])))
+        small = projection.small(pieces, sigma, width + len(x))
+        W, y, slope = small[:, linear_columns], small[:, projection.fixed], small[:, width:]
         base = directions(W[:, free])[0]
-        slope = small[:, P.width :]
-        jacobian = -(slope - base @ (base.T @ slope))
-        return y - W @ theta, jacobian
+        return y - W @ theta, -(slope - base @ (base.T @ slope))
 
-    def _solve(self, small: Floats) -> tuple[Floats, Mask]:
-        """Return theta and which of its entries are free of bounds."""
-        W, y = small[:, self._linear], small[:, self._projection.fixed]
-        length = np.linalg.norm(W, axis=0)
-        unit = 1.0 / np.where(length > 0, length, 1.0)
-        # gelsy: pivoted QR, several times faster than singular values where tables make p large
-        options = {"cond": self._tolerance, "lapack_driver": "gelsy", "check_finite": False}
-        theta = unit * scipy.linalg.lstsq(W * unit, y, **options)[0]
-        free = np.ones(len(theta), bool)
-        lower, upper = self._bounds
-        if ((theta < lower) | (theta > upper)).any():
-            rank = analyse(r_factor(W), self._tolerance)
-            theta, active = bounded(W, y, lower, upper, np.zeros_like(theta), rank)
-            free = ~active
-        return theta, free
+    return Remembered(evaluate)
+
+
+def _bounded(W: Floats, y: Floats, bounds: tuple[Floats, Floats], tolerance: float) -> tuple[Floats, Mask]:
+    """Return theta within its bounds and which of its entries are free of them."""
+    length = np.linalg.norm(W, axis=0)
+    unit = 1.0 / np.where(length > 0, length, 1.0)
+    # gelsy: pivoted QR, several times faster than singular values where tables make p large
+    how = {"cond": tolerance, "lapack_driver": "gelsy", "check_finite": False}
+    theta = unit * scipy.linalg.lstsq(W * unit, y, **how)[0]
+    if not ((theta < bounds[0]) | (theta > bounds[1])).any():
+        return theta, np.ones(len(theta), bool)
+    theta, active = bounded(W, y, *bounds, np.zeros_like(theta), analyse(r_factor(W), tolerance))
+    return theta, ~active
 
 
 def polish(
-    problem: VariableProjection, bounds: tuple[Floats, Floats], start: Floats, most: int = MAX_EVALUATIONS
+    problem: Remembered, bounds: tuple[Floats, Floats], start: Floats, most: int = MAX_EVALUATIONS
 ) -> End:
     """Return the optimum of all shapes near ``start``, within bounds, in search coordinates; most evaluations.
 
@@ -250,18 +243,18 @@ def polish(
     a quasi-Newton search (L-BFGS-B) to the optimum.
     """
     few, tolerances = min(most, GAUSS_NEWTON), {"ftol": CLOSE, "xtol": 1e-9}
-    end = trust_region(problem.evaluate, start, bounds, 1e-9, x_scale="jac", max_nfev=few, **tolerances)
+    end = trust_region(problem, start, bounds, 1e-9, x_scale="jac", max_nfev=few, **tolerances)
     left = most - end.evaluations
     return end if end.converged or left <= 0 else _finished(problem, end, bounds, left)
 
 
-def _finished(problem: VariableProjection, begun: End, bounds: tuple[Floats, Floats], most: int) -> End:
+def _finished(problem: Remembered, begun: End, bounds: tuple[Floats, Floats], most: int) -> End:
     """Return the end of a quasi-Newton search, its coordinates scaled by the lengths of the Jacobian's columns."""
-    length = np.linalg.norm(problem.evaluate(begun.x)[1], axis=0)
+    length = np.linalg.norm(problem(begun.x)[1], axis=0)
     scale = np.where(length > 0.0, length, 1.0)
 
     def cost(z: Floats) -> tuple[float, Floats]:
-        residual, jacobian = problem.evaluate(z / scale)
+        residual, jacobian = problem(z / scale)
         return 0.5 * float(residual @ residual), jacobian.T @ residual / scale
 
     found = scipy.optimize.minimize(

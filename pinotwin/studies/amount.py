@@ -23,7 +23,7 @@ def error_against_data(machine: Machine, log: Log | Sequence[Log]) -> Study:
     """Identify a machine from ever more of a log; judge each fit on its end, which none saw; DataError if too short.
 
     Every fit is a whole one. The error is ||u - u_hat|| / ||u|| of all axes; a row of the table is the length of the
-    data [s], the error on them and the held-out one. An axis' course is the latter, NaN where it stands, shape (rows,).
+    data [s], the error on them and the held-out one.
     """
     keep_back, guard = 0.3, 0.02  # held out at the end of the log, and left out before it
     motion = prepare(machine, log)
@@ -31,14 +31,12 @@ def error_against_data(machine: Machine, log: Log | Sequence[Log]) -> Study:
     last, first_kept = int((1.0 - keep_back - guard) * n), int((1.0 - keep_back) * n)
     test = motion.cut(first_kept, n)
     every = (_one(machine, motion, test, stop) for stop in map(int, np.linspace(0, last, 11)[1:]))
-    found = [row for row in every if row is not None]
-    if not found:
+    rows = [row for row in every if row is not None]
+    if not rows:
         raise DataError(f"{motion.source}: too short to fit any part of it; record a longer log")
-    axes = {name: np.array([row[2][1 + k] for row in found]) for k, name in enumerate(machine.names)}
-    rows = [(float(length), float(fitted[0]), float(held[0])) for length, fitted, held in found]
     enough = _enough(*np.array(rows)[:, ::2].T)
     finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough, error=rows[-1][2])
-    return Study(finding, ("seconds [s]", "fitted", "held out"), rows, axes)
+    return Study(finding, ("seconds [s]", "fitted", "held out"), rows)
 
 
 def _enough(seconds: Floats, held_out: Floats) -> float | None:
@@ -48,24 +46,16 @@ def _enough(seconds: Floats, held_out: Floats) -> float | None:
     return float(seconds[first]) if first < len(seconds) - 1 else None
 
 
-def _one(machine: Machine, motion: Motion, test: Motion, stop: int) -> tuple[float, Floats, Floats] | None:
-    """Return length, fitted error and held-out error of one fit; None if it has no usable row."""
+def _one(machine: Machine, motion: Motion, test: Motion, stop: int) -> tuple[float, float, float] | None:
+    """Return length [s], fitted error and held-out error [-] of one fit; None if it has no usable row."""
     try:
         plant = fit_plant(machine, motion.cut(0, stop))
     except DataError:
         return None
-    names = len(machine.names)
-    fitted = _errors(plant.fit.problem, plant.theta, names)
-    kept_back = assemble(test, plant.effects)
-    return stop * motion.step, fitted, _errors(kept_back, plant.theta, names)
+    fitted = _error(plant.fit.problem, plant.theta)
+    return stop * motion.step, fitted, _error(assemble(test, plant.effects), plant.theta)
 
 
-def _errors(problem: Problem, theta: Floats, joints: int) -> Floats:
-    """Return the normalised error of all axes together, then of each, shape (1 + joints,)."""
-    error = problem.y - problem.W @ theta
-    out = np.full(1 + joints, np.nan)
-    out[0] = np.linalg.norm(error) / np.linalg.norm(problem.y)
-    for joint, rows in problem.slices.items():
-        size = float(np.linalg.norm(problem.y[rows]))
-        out[1 + joint] = np.linalg.norm(error[rows]) / size if size > 0 else np.nan
-    return out
+def _error(problem: Problem, theta: Floats) -> float:
+    """Return the normalised error of all axes together [-] with coefficients (p,)."""
+    return float(np.linalg.norm(problem.y - problem.W @ theta) / np.linalg.norm(problem.y))

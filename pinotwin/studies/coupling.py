@@ -27,13 +27,7 @@ from pinotwin.solve.problem import Problem
 from pinotwin.studies.study import Study
 from pinotwin.system.phrases import STUDIED, joined
 
-HEADER = (
-    "axis",
-    "coupled, held out",
-    "decoupled, held out",
-    "coupled, held out, of std",
-    "decoupled, held out, of std",
-)
+HEADER = ("axis", *(f"{x}, held out{of}" for of in ("", ", of std") for x in ("coupled", "decoupled")))
 
 
 def coupled_against_decoupled(
@@ -96,9 +90,7 @@ def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:
     v, a = np.zeros_like(q), np.zeros_like(q)
     for still, moving in ((q, motion.q), (v, motion.v), (a, motion.a)):
         still[:, joint] = moving[:, joint]
-    out = np.empty((len(q), len(machine.base)))
-    for start in range(0, len(q), 20_000):
-        rows = slice(start, start + 20_000)
-        values = machine.base.regressor(machine.model, q[rows], v[rows], a[rows])
-        out[rows] = values[:, joint]
+    parts = (slice(start, start + 20_000) for start in range(0, len(q), 20_000))
+    base, model = machine.base, machine.model
+    out = np.concatenate([base.regressor(model, q[s], v[s], a[s])[:, joint] for s in parts])
     return thin(motion, out[:, out.any(axis=0)])

@@ -14,9 +14,8 @@ from pinotwin.diagnosis.phrases import on_axis
 from pinotwin.diagnosis.result import Found
 from pinotwin.identification import identify
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_logs
-from pinotwin.machine import Machine
-from pinotwin.machine.given import MachineLike, as_machine
+from pinotwin.logs.files import LogLike, as_logs
+from pinotwin.machine import Machine, MachineLike, as_machine
 from pinotwin.notebook import Card, Shown, share_cell
 from pinotwin.twin import Twin
 

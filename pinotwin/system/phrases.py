@@ -96,6 +96,10 @@ LOG = {  # what `check` says of a log: code -> sentence
     "position_scale": "goes {factor:.4g} times as far as its command, where it rests: another gear, lead or "
     "unit? set factor under columns in machine.yaml",
     "load_constant": "is constant: no encoder at the load? drop it from columns",
+    "slipped": "rests off its command {words}, wherever it is: steps are lost, something slipped, or its load "
+    "changed; find what gives way, and home the axis again",
+    "motor_turns_several": "does not go with {axis}.q: its motor turns several joints; write "
+    "transmission: {{{axis}: {{{row}}}}} in machine.yaml",
     "load_position": "at the load against the motor: offset {offset:.4g} {unit}, difference {rms:.3g} "
     "{unit} rms, lost motion between the directions {lost:.3g} {unit}, correlation {correlation:.7f}{remedy}",
     # the efforts

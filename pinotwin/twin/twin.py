@@ -13,10 +13,9 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import as_log
 from pinotwin.effects.scene import moves
 from pinotwin.errors import DataError, InputError
-from pinotwin.logs.files.given import LogLike
+from pinotwin.logs.files import LogLike
 from pinotwin.logs.prepare import prepare
-from pinotwin.machine import Machine
-from pinotwin.machine.given import as_machine
+from pinotwin.machine import Machine, as_machine
 from pinotwin.motion import Motion
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path, whole_folder
@@ -192,16 +191,16 @@ class Twin(OpenLoop, Drawn):
 TwinLike = Twin | str | Path  # A twin, or the folder that `pinotwin identify` wrote
 
 
-def as_twin(given: Any, name: str = "twin") -> Twin:
-    """Return a twin as it is, or load its folder; ``name`` of the argument is for messages."""
+def as_twin(given: Any) -> Twin:
+    """Return a twin as it is, or load its folder."""
     if isinstance(given, Twin):
         return given
     if isinstance(given, str | Path):
         return Twin.load(given)
-    raise InputError(f"{name}: expected a Twin or its folder, not {type(given).__name__}")
+    raise InputError(f"twin: expected a Twin or its folder, not {type(given).__name__}")
 
 
-def as_subject(given: Any, name: str = "subject") -> Machine | Twin:
+def as_subject(given: Any) -> Machine | Twin:
     """Return a machine or twin as it is, or load what a folder holds: a twin, else a machine."""
     if isinstance(given, Twin):
         return given
@@ -209,4 +208,4 @@ def as_subject(given: Any, name: str = "subject") -> Machine | Twin:
         path = Path(given)
         if path.name == "twin.json" or (path / "twin.json").is_file():
             return Twin.load(path)
-    return as_machine(given, name)
+    return as_machine(given, "subject")

@@ -12,8 +12,6 @@ from pinotwin.diagnosis.conclusion.where import along
 from pinotwin.diagnosis.grade import Grade
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.dynamics.parameters import joint_axis
-from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.system.phrases import STATES
 from pinotwin.twin import Twin
@@ -31,13 +29,10 @@ COLOURS: dict[Grade, Colour] = {  # Grade -> colour of the axis; grey where noth
 }
 
 
-def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
-    """Return the page of a diagnosed machine, playing a log: the same bytes for the same diagnosis."""
+def gap_page(found: Diagnosis, machine: Machine) -> str:
+    """Return the page of a diagnosed machine, playing the first log: the same bytes for the same diagnosis."""
     twin = found.subject if isinstance(found.subject, Twin) else None
-    if found.prepared:
-        motion = found.prepared[0].motion
-    else:
-        motion = prepare(machine, log, decimate=1) if twin is None else twin.motion(log)
+    motion = found.prepared[0].motion
     tracks = with_causes(tracks_of(machine, motion, twin), found, float(motion.t[0]))
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -248,17 +247,14 @@ def _draw_frames(drawn: Scene, length: float) -> None:
     for joint in range(1, drawn.model.njoints):
         for k, colour in enumerate(_AXIS_COLOURS):
             arm = drawn.node(joint)["frame"]["xyz"[k]]
-            arm.set_object(mg.Cylinder(length, 0.028 * length), _overlay(colour, 0.95))
-            arm.set_transform(_along(k, length / 2))
+            _lay(arm, mg.Cylinder(length, 0.028 * length), colour, np.eye(3)[k], length / 2)
 
 
-def _along(k: int, offset: float) -> Floats:
-    """Return the pose that lays meshcat's cylinder (about y) along axis ``k``, moved by offset."""
-    pose = np.eye(4)
-    if k != 1:
-        pose[:3, :3] = pin.exp3(np.array([[0, 0, -1], [0, 0, 0], [1, 0, 0]][k]) * math.pi / 2)
-    pose[k, 3] = offset
-    return pose
+def _lay(node: meshcat.Visualizer, shape: mg.Cylinder, colour: int, along: Floats, middle: float) -> None:
+    """Lay meshcat's cylinder (about y) along a unit direction (3,), its middle so far along it [m]."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), along).matrix()
+    node.set_object(shape, _overlay(colour, 0.95))
+    node.set_transform(pin.SE3(turn, middle * along).homogeneous)
 
 
 def _draw_masses(drawn: Scene, size: float) -> None:
@@ -280,30 +276,23 @@ def _overlay(colour: int, opacity: float) -> mg.Material:
 
 
 def arrow(drawn: Scene, joint: str, along: Floats, size: float) -> None:
-    """Draw an arrow of ``size`` [m] that moves with a joint, from its frame along a direction (3,) in it."""
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), np.asarray(along, dtype=float)).matrix()
+    """Draw an arrow of ``size`` [m] that moves with a joint, from its frame along a unit direction (3,) in it."""
     node = drawn.node(drawn.model.getJointId(joint))["arrow"]
-    node["shaft"].set_object(mg.Cylinder(0.8 * size, 0.025 * size), _overlay(_MASS_COLOUR, 0.95))
-    node["shaft"].set_transform(pin.SE3(turn, turn @ np.array([0.0, 0.4 * size, 0.0])).homogeneous)
-    node["head"].set_object(mg.Cylinder(0.2 * size, 0.0, 0.0, 0.07 * size), _overlay(_MASS_COLOUR, 0.95))
-    node["head"].set_transform(pin.SE3(turn, turn @ np.array([0.0, 0.9 * size, 0.0])).homogeneous)
+    _lay(node["shaft"], mg.Cylinder(0.8 * size, 0.025 * size), _MASS_COLOUR, along, 0.4 * size)
+    _lay(node["head"], mg.Cylinder(0.2 * size, 0.0, 0.0, 0.07 * size), _MASS_COLOUR, along, 0.9 * size)
 
 
 def place_mark(drawn: Scene, joint: str, at: float, size: float) -> None:
     """Draw a ball of a radius [m] where a joint is at a position ``at`` [m or rad]; it stays with the body before."""
-    number, q = drawn.model.getJointId(joint), drawn.q.copy()
-    own, moved = drawn.model.joints[number], np.zeros(drawn.model.nv)
-    q[own.idx_q : own.idx_q + own.nq] = pin.neutral(drawn.model)[own.idx_q : own.idx_q + own.nq]
-    moved[own.idx_v] = at
-    poses = joint_poses(drawn.model, pin.integrate(drawn.model, q, moved))
-    before = drawn.model.parents[number]
+    number = drawn.model.getJointId(joint)
+    turns, axis = joint_axis(drawn.model, number)
+    moved = pin.SE3(pin.exp3(axis * at), np.zeros(3)) if turns else pin.SE3(np.eye(3), axis * at)
     # Of a joint that turns it is a point off its axis, towards what it carries.
     carried = zip(drawn.model.jointPlacements, drawn.model.parents, strict=True)
-    turns = joint_axis(drawn.model, number)[0]
     arms = [pose.translation for pose, parent in carried if turns and parent == number]
     arm = max(arms, key=lambda x: float(np.linalg.norm(x)), default=np.zeros(3))
-    place = poses[before].inverse() * poses[number].act(0.5 * arm)
-    ball = drawn.node(before)[f"place {joint}"]
+    place = (drawn.model.jointPlacements[number] * moved).act(0.5 * arm)
+    ball = drawn.node(drawn.model.parents[number])[f"place {joint}"]
     ball.set_object(mg.Sphere(size), _overlay(_MASS_COLOUR, 0.95))
     ball.set_transform(pin.SE3(np.eye(3), place).homogeneous)
 

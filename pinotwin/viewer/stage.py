@@ -208,9 +208,8 @@ def _middles(
 
 def triangles_of(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats, Rgba]]:
     """Return joint, triangles in the world, of shape (m, 3, 3) [m], and colour of every part of every shape."""
-    data, placed = model.createData(), visual.createData()
-    pin.updateGeometryPlacements(model, data, visual, placed, q)
-    out = []
+    placed, out = visual.createData(), []
+    pin.updateGeometryPlacements(model, model.createData(), visual, placed, q)
     for shape, pose in zip(visual.geometryObjects, placed.oMg, strict=True):
         for part in parts_of(shape):
             world = part.vertices @ pose.rotation.T + pose.translation

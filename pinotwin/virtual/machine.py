@@ -83,7 +83,7 @@ class VirtualMachine:
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the axes in order."""
-        return self.layout.axes
+        return tuple(self.layout.drive)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -211,7 +211,6 @@ def _layout(truth: Truth, folder: Folder, true: pin.Model) -> Layout:
     for j, parent in enumerate(list(true.parents)[1:]):
         group[j] = drives.index(j) if j in drives else (group[parent - 1] if parent > 0 else -1)
     return Layout(
-        axes=tuple(drive),
         drive=drive,
         passive={name: names.index(joint) for name, joint in folder.passive.items()},
         bend={axis: j + 1 for axis, j in drive.items() if truth.axes[axis].bend is not None},

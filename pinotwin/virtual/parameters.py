@@ -23,8 +23,7 @@ _LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS, "elastoplastic": c.ELAS
 class Layout:
     """Where the names of a machine sit in its true model; joints counted from 0."""
 
-    axes: tuple[str, ...]  # axis names in order
-    drive: Mapping[str, int]  # axis -> joint that the motor drives
+    drive: Mapping[str, int]  # axis -> joint that the motor drives, in the order of the axes
     passive: Mapping[str, int]  # passive joint -> its index
     bend: Mapping[str, int]  # axis -> index of its hidden joint
     home: Floats  # position at which frequencies are stated, shape (nv,)
@@ -138,9 +137,9 @@ def _spring_row(spec: Passive | Bend, inertia: float) -> tuple[float, ...]:
 def tables(truth: Truth, layout: Layout, true: pin.Model, timing: Timing, cad: Mapping[str, float]) -> Axes:
     """Return the kernel's tables of a machine; ``cad`` is what the feed-forward knows of inertia [kg or kg·m²]."""
     M = np.diag(inertia_at(true, layout.home))
-    specs = [truth.axes[name] for name in layout.axes]
+    specs = [truth.axes[name] for name in layout.drive]
     P = np.zeros((len(specs), c.N_COLUMNS))
-    for row, name, axis in zip(P, layout.axes, specs, strict=True):
+    for row, name, axis in zip(P, layout.drive, specs, strict=True):
         inertia = float(M[layout.drive[name]])
         moved = axis.drive.rotor or inertia if axis.drive.frequency > 0.0 else inertia
         _friction_row(row, axis.friction, moved)
@@ -152,7 +151,7 @@ def tables(truth: Truth, layout: Layout, true: pin.Model, timing: Timing, cad: M
     every = sorted(springs)
     rows = [_spring_row(springs[j], float(M[j])) for j in every]
     return Axes(
-        joint=np.array([layout.drive[name] for name in layout.axes], dtype=np.intp),
+        joint=np.array(list(layout.drive.values()), dtype=np.intp),
         P=P,
         ripple=_ripple_table(specs),
         table=table,

@@ -9,7 +9,7 @@ from typing import Any
 
 from pinotwin.errors import InputError, require
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine.bundled import machines
 from pinotwin.trajectories import moves as trajectories

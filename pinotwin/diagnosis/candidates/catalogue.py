@@ -41,13 +41,18 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
         for axis in machine.axes.values():
             has = [any(e.includes(part) for e in axis.effects) for part in SUMS.get(name, (name,))]
             if axis.index in comparison.new.joints and not (rubs and all(has)):
-                beside = [EFFECTS[x].on(tree, axis.name) for x in BESIDE.get(name, ())]
-                for effect in kind.candidates(tree, axis.name, motion):
-                    yield Joined(axis.name, (*beside, effect)) if beside else effect
+                yield from instances(kind, tree, axis.name, motion)
     for axis in machine.axes.values() if comparison.change and Worn.name not in leave_out else ():
         worn = Worn.of(comparison.twin, axis.name) if axis.index in comparison.new.joints else None
         if worn is not None:
             yield worn
+
+
+def instances(kind: type[Effect], tree: Tree, axis: str, motion: Motion) -> list[Effect]:
+    """Return an effect on an axis at the shapes that a motion can show, together with what it changes."""
+    beside = [EFFECTS[x].on(tree, axis) for x in BESIDE.get(kind.name, ())]
+    found = kind.candidates(tree, axis, motion)
+    return [Joined(axis, (*beside, e)) if beside else e for e in found]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,13 @@ Each is measured beside those named before it, as a share of the whole residual 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.result import Found, Gap, Shrink, shrunk
+from pinotwin.diagnosis.result import Shrink, shrunk
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +63,8 @@ def share_interval(before: Floats, after: Floats, seed: int = 0) -> tuple[float,
     return float(low), float(high)
 
 
-def at_one_gap(effects: Sequence[Found], gaps: Mapping[str, Mapping[str, Gap]]) -> list[Found]:
-    """Return effects with every share stated of the gap of its axis and signal; a vibration's is above its noise."""
-    out = []
-    for e in effects:
-        row = gaps.get(str(e.axis), {})
-        shrink = {s: stated_of(row[s].rms, x) if s in row else x for s, x in e.shrink.items()}
-        out.append(replace(e, shrink=shrink))
-    return out
-
-
 def stated_of(level: float, x: Shrink) -> Shrink:
-    """Return a shrink as one of the whole gap of a signal, from its RMS."""
+    """Return a shrink as one of the whole gap of a signal, from its RMS; a vibration's is above its noise."""
     share = (x.before**2 - x.after**2) / max(level**2, 1e-300)
     part = share / x.share if x.share > 0.0 else 0.0
     interval = (part * x.interval[0], part * x.interval[1])

@@ -17,12 +17,12 @@ from pinotwin.signals import rms
 
 
 def gap_table(
-    c: Comparison, closed: Mapping[int, Closed], levels: Mapping[int, float]
+    c: Comparison, closed: Mapping[str, Closed], levels: Mapping[int, float]
 ) -> dict[str, dict[str, Gap]]:
     """Return axis -> signal -> gap, on the rows in motion of the logs in question.
 
     ``after`` is what is left once the named causes are modelled, by the share that goes on rows that were not fitted;
-    ``levels``: joint -> RMS of the noise [N or N·m].
+    ``closed``: axis -> what they close; ``levels``: joint -> RMS of the noise [N or N·m].
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
@@ -31,15 +31,16 @@ def gap_table(
         rows = judged_rows(motion, j)
         level = rms(residual[rows, j])
         # What makes a gap larger closes nothing.
-        gone = min(max(closed[j].share, 0.0), 1.0) if j in closed else 0.0
+        axis = motion.names[j]
+        gone = min(max(closed[axis].share, 0.0), 1.0) if axis in closed else 0.0
         effort = rms(motion.u[rows, j])
         misfit, unsure = float("nan"), 0.0  # where the twin knows none
         if c.twin.misfit is not None and c.own is not None and j in c.own.joints:
-            misfit = c.twin.misfit.summary[motion.names[j]]["moving"]
+            misfit = c.twin.misfit.summary[axis]["moving"]
             unsure = float(np.sqrt(max(c.floor[j] ** 2 - c.own.level(j) ** 2, 0.0)))
         after, size = level * float(np.sqrt(1.0 - gone)), c.new.size(j)
         nrmse = level / max(effort, 1e-300)
-        out[motion.names[j]] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure, c.worth)}
+        out[axis] = {"u": Gap(level, nrmse, levels[j], after, misfit, size, unsure, c.worth)}
     return {**out, **unjudged_gaps(motion, residual, [x for x in c.gate.silent if x not in out])}
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.payload import Body
+from pinotwin.diagnosis.payload import UNKNOWN, centre_of
 from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Size
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
@@ -163,22 +163,28 @@ def change_text(found: Found) -> str:
     return f"{name} {form.format(before=was, after=now)}{rest}"
 
 
-def body_sizes(body: Body, pi: Floats, covariance: Floats) -> list[Size]:
-    """Return mass and centre of mass as rows of a result; what turns it where its mass is not determined."""
-    span = 1.645 * body.mass_error
-    rows = [Size("payload.mass", 0.0, body.mass, "kg", (body.mass - span, body.mass + span))]
-    for name, x, error in zip("xyz", body.centre, body.centre_error, strict=True):
-        if np.isfinite(x):
-            half = 1.645 * float(error)
-            rows.append(Size(f"payload.c{name}", np.nan, float(x), "m", (float(x) - half, float(x) + half)))
-    if np.isfinite(body.centre).any():
-        return rows
+def sized(name: str, before: float, after: float, unit: str, error: float) -> Size:
+    """Return a size [unit] with its 90 % interval, from its standard error."""
+    x, half = float(after), 1.645 * float(error)
+    return Size(name, before, x, unit, (x - half, x + half))
+
+
+def body_sizes(pi: Floats, covariance: Floats) -> list[Size]:
+    """Return mass and centre of mass of a body, from its ten parameters; what turns it where these do not tell."""
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    turned = []
-    for k in [k for k in range(1, 10) if abs(pi[k]) > 4.0 * errors[k]]:
-        x, half = float(pi[k]), 1.645 * float(errors[k])
-        turned.append(Size(f"payload.{BODY_NAMES[k]}", 0.0, x, BODY_UNITS[k], (x - half, x + half)))
-    return [*turned, *rows]
+    centre = zip("xyz", *centre_of(pi, covariance), strict=True)
+    mass = sized("payload.mass", 0.0, pi[0], "kg", errors[0])
+    known = [sized(f"payload.c{k}", np.nan, x, "m", error) for k, x, error in centre if error < UNKNOWN]
+    turns = [k for k in range(1, 10) if abs(pi[k]) > 4.0 * errors[k] and not known]
+    turned = [sized(f"payload.{BODY_NAMES[k]}", 0.0, pi[k], BODY_UNITS[k], errors[k]) for k in turns]
+    return [*turned, mass, *known]
+
+
+def largest(name: str, course: Floats, numbers: Floats, errors: Floats, unit: str) -> Size:
+    """Return the largest of a course (n,) [unit], as sure as the surest of its numbers, by their errors, (p,) each."""
+    most = float(course[np.argmax(np.abs(course))])
+    half = 1.645 * abs(most) * float(np.min(errors / np.maximum(np.abs(numbers), 1e-300)))
+    return Size(name, 0.0, most, unit, (most - half, most + half))
 
 
 def undetermined(sizes: Sequence[Size]) -> list[str]:

@@ -15,6 +15,7 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.result import Found, Region
 from pinotwin.motion import Motion
+from pinotwin.units import of_axis
 
 SHIFTS = 99
 MOST = 5  # regions of an axis
@@ -68,19 +69,18 @@ def concentrated(
 
 def regimes(m: Motion, rows: Ints, joint: int, load: Floats | None = None) -> list[Cell]:
     """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others."""
-    x, t = "rad" if m.rotary[joint] else "m", m.t[rows]
+    x, t = of_axis("x", m.rotary[joint]), m.t[rows]
     q, v, a = (y[rows, joint] for y in (m.q, m.v, m.a))
     out = bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
     slow = REVERSAL * float(np.abs(v).max())
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
     out += bins("velocity", v, f"{x}/s", 6)
     if load is not None:
-        out += bins("load", load, "N·m" if m.rotary[joint] else "N", 5)
+        out += bins("load", load, of_axis("F", m.rotary[joint]), 5)
     for other, name in enumerate(m.names):
         if other != joint:
             w = np.abs(m.v[rows, other])
-            unit = ("rad" if m.rotary[other] else "m") + "/s"
-            fast = max(float(w.max()), 1e-12)
+            unit, fast = of_axis("x/s", m.rotary[other]), max(float(w.max()), 1e-12)
             out.append(Cell("other_axis", (0.05 * fast, fast), unit, w > 0.05 * fast, name))
     return [c for c in out if 0.01 < c.mask.mean() < 0.95]
 

@@ -27,7 +27,7 @@ from pinotwin.effects.family import FRICTION
 from pinotwin.effects.scene import with_model_effort
 from pinotwin.errors import DataError
 from pinotwin.identification import identify
-from pinotwin.identification.bending import Bending, bend_all, find_bending
+from pinotwin.identification.bending import bend_all, find_bending
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
 from pinotwin.logs.prepared import Prepared
@@ -69,7 +69,7 @@ class Comparison:
         """Return every log that was given made ready, those that were left out as well."""
         ready = dict(zip(self.kept, self.logs, strict=True))
         left_out = {k: log for k, log in enumerate(given) if k not in ready}
-        ready |= {k: Prepared.of(self.machine, log, self.twin.settings) for k, log in left_out.items()}
+        ready |= {k: Prepared(self.machine, log, self.twin.settings) for k, log in left_out.items()}
         return [ready[k] for k in range(len(given))]
 
     def only(self, joints: Collection[int]) -> Comparison:
@@ -110,8 +110,7 @@ def compare(
     ``worth``: of the effort, the smallest cause worth a word [1].
     """
     change = isinstance(subject, Twin)
-    ready = _Ready.of(subject, logs, validation)
-    twin, motions, sealed = ready.twin, *ready.motions()
+    twin, ready, (motions, sealed) = _ready(subject, logs, validation)
     own = None
     if change and twin.misfit is not None:
         motion = with_model_effort(twin.misfit.motion, twin.effects, twin.theta)
@@ -122,8 +121,7 @@ def compare(
         differ = apart(logs, [sample(*left_of(twin, m)) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
-        ready = ready.only(subject, kept)
-        twin, motions, sealed = ready.twin, *ready.motions()
+        twin, ready, (motions, sealed) = _ready(subject, [logs[k] for k in kept], validation)
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
@@ -132,7 +130,7 @@ def compare(
     noise = residual_noise(new, left, motions)
     unseen = within(sample(*left_of(twin, Motion.join(sealed))), new, twin) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
-    asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
+    asked = gate(twin.machine, [x for part in ready for x in part], sized)
     if change:
         asked = replace(asked, doubts=(*asked.doubts, *strange))
     if change and asked.silent:
@@ -143,7 +141,7 @@ def compare(
         new, strangers = _met(new, own)
         asked = replace(asked, unknown=strangers)
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
-    data = (twin, change, ready.logs, ready.validation, new, own, unseen, _floor(twin, new, own, own_errors))
+    data = (twin, change, *ready, new, own, unseen, _floor(twin, new, own, own_errors))
     c = Comparison(*data, asked, (*motions, *sealed), kept, differ, noise, worth).only(judged)
     return _without_lost(c, lost) if change else c
 
@@ -155,16 +153,22 @@ UNSURE = (
 
 
 def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
-    """Return a comparison without joints at places that the twin does not know, if others are left."""
+    """Return a comparison of the joints whose effort the twin knows; of none, those with a second encoder tell of it.
+
+    The whole comparison, if neither is left.
+    """
     never = "it moves outside the twin's data; identify it on the whole travel"
     why = {j: never if c.machine.names[j] in lost else UNSURE for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
     varies = {j: max(c.new.size(j), c.new.foretold(j)) for j in c.new.joints}
     judged = [j for j in c.new.joints if why[j] is UNSURE and c.floor[j] <= varies[j] and foretells(c, j)]
-    if not judged or len(judged) == len(c.new.joints):
+    ql = c.new.motion.ql
+    scaled = [j for j in why if why[j] is UNSURE and ql is not None and np.isfinite(ql[:, j]).all()]
+    asked = judged or scaled
+    if not asked or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}
-    return replace(c.only(judged), gate=replace(c.gate, unknown={**c.gate.unknown, **left}))
+    return replace(c.only(asked), gate=replace(c.gate, unknown={**c.gate.unknown, **left}))
 
 
 def foretells(c: Comparison, joint: int) -> bool:
@@ -187,53 +191,34 @@ def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
     return new.only([j for j in new.joints if j in own.joints]), dict.fromkeys(strange, why)
 
 
-@dataclass(frozen=True, eq=False)
-class _Ready:
-    """The twin to compare with, and the logs as it prepares them."""
+def _ready(
+    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]
+) -> tuple[Twin, tuple[list[Prepared], list[Prepared]], tuple[list[Motion], list[Motion]]]:
+    """Return the twin to compare with, of a machine that of the logs in question; logs and motions as it makes them.
 
-    twin: Twin  # the subject, or that of a machine in the logs in question
-    logs: Sequence[Prepared]  # the logs in question
-    validation: Sequence[Prepared]  # logs that nothing is fitted to
-    bending: Bending | None = None  # how passive joints bend that no log holds; None where none do
+    Those of validation come second. Passive joints, whose springs only the twin knows, bend in every motion.
+    """
+    bending = None
+    if isinstance(subject, Machine):
+        logs = [bind(log, subject.columns) for log in logs]
+        bending = find_bending(subject, logs)
+        bent_logs = bend_all(bending, logs)
+        # Springs by which the logs were bent are not found again.
+        measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
+        # No lead where it states none: a lag is a finding.
+        axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in subject.axes.items()}
+        twin = identify(replace(subject, axes=axes), bent_logs, loop=False, springs=measured)
+    else:
+        twin = subject
 
-    @classmethod
-    def of(cls, subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> _Ready:
-        """Return the logs of a subject made ready."""
-        bending = None
-        if isinstance(subject, Machine):
-            logs = [bind(log, subject.columns) for log in logs]
-            bending = find_bending(subject, logs)
-            bent_logs = bend_all(bending, logs)
-            # Springs by which the logs were bent are not found again.
-            measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
-            # No lead where it states none: a lag is a finding.
-            axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in subject.axes.items()}
-            twin = identify(replace(subject, axes=axes), bent_logs, loop=False, springs=measured)
-        else:
-            twin = subject
-
-        def ready(part: Sequence[Log]) -> list[Prepared]:
-            return [Prepared.of(twin.machine, log, twin.settings) for log in part]
-
-        return cls(twin, ready(logs), ready(validation), bending)
-
-    def only(self, subject: Machine | Twin, kept: Sequence[int]) -> _Ready:
-        """Return the same of some of the logs in question."""
-        logs = [self.logs[k] for k in kept]
-        if isinstance(subject, Twin):
-            return replace(self, logs=logs)
-        return _Ready.of(subject, [x.log for x in logs], [x.log for x in self.validation])
-
-    def motions(self) -> tuple[list[Motion], list[Motion]]:
-        """Return the motions of the logs in question and of the validation logs, passive joints bent."""
-        found = [[self._motion(x) for x in part] for part in (self.logs, self.validation)]
-        return found[0], found[1]
-
-    def _motion(self, one: Prepared) -> Motion:
-        if not self.twin.machine.passive:
+    def motion(one: Prepared) -> Motion:
+        if not twin.machine.passive:
             return one.motion
-        motion = one.motion if self.bending is None else self.twin.motion(self.bending.bend(one.log))
-        return bent(self.twin, motion, motion)
+        plain = one.motion if bending is None else twin.motion(bending.bend(one.log))
+        return bent(twin, plain, plain)
+
+    asked, unseen = ([Prepared(twin.machine, x, twin.settings) for x in part] for part in (logs, validation))
+    return twin, (asked, unseen), ([motion(x) for x in asked], [motion(x) for x in unseen])
 
 
 LEAST = 0.1  # Of an axis' rows, that must be left

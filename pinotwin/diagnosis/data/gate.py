@@ -57,6 +57,7 @@ BARS: Mapping[str, Bar] = {
     "leaps": Bar(EVERY, ("servo", "tracking"), channel="q"),
     "wraps": Bar(EVERY, ("servo", "tracking"), channel="q"),
     "position_unit": Bar(EVERY, ("servo", "tracking"), channel="q", everywhere=True),
+    "motor_turns_several": Bar(EVERY, ("servo", "tracking"), channel="ql", everywhere=True),
 }
 """Code of a finding -> what it rules out on its axis, or on all where it is about the whole log."""
 
@@ -90,6 +91,14 @@ class Gate:
     def nameless(self) -> Mapping[str, str]:
         """Axis of which no cause is named at all -> why."""
         return {a: next(iter(row.values())) for a, row in self.effects.items() if set(row) >= set(EVERY)}
+
+    @property
+    def remains(self) -> Mapping[str, str]:
+        """Axis of which no cause is named -> what its residual is, in words; of which nothing is said -> why."""
+        return {
+            **{a: f"cannot be traced to a cause: {why}" for a, why in self.nameless.items()},
+            **self.silent,
+        }
 
     @property
     def warnings(self) -> list[str]:

@@ -79,7 +79,7 @@ class Sample:
                 self.felt[load] = effect.felt(motion)
             if effect not in self.swings:
                 at = np.searchsorted(finer.rows.sample, self.rows.sample[few])
-                self.swings[effect] = effect.swing(finer.coarse).values[at, 0]
+                self.swings[effect] = effect.swing(finer.coarse)[at]
             own, (joints, shares) = self.swings[effect], self.felt[load]
             pairs = [(k, j) for k, j in enumerate(joints) if j in place]
             return {j: own[place[j]] * shares[place[j], k, None] for k, j in pairs}, rows

@@ -13,7 +13,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.explained import Closed, rival
-from pinotwin.diagnosis.conclusion.sizes import body_sizes
+from pinotwin.diagnosis.conclusion.sizes import body_sizes, largest
 from pinotwin.diagnosis.data.samples import ROW_RATE
 from pinotwin.diagnosis.days.causes import plain_row
 from pinotwin.diagnosis.days.ground import Ground
@@ -21,10 +21,10 @@ from pinotwin.diagnosis.days.lack import Lack, judged, kin
 from pinotwin.diagnosis.days.pushed import pushed, pushes_of
 from pinotwin.diagnosis.days.score import errors
 from pinotwin.diagnosis.days.structure import BAR, Lacking, Turn, beside, polished
-from pinotwin.diagnosis.payload import body_of
-from pinotwin.diagnosis.result import Found, Region, Size, Traces
+from pinotwin.diagnosis.result import Found, Gap, Region, Size, Traces
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.settings import SETTINGS
+from pinotwin.units import of_axis
 
 ROUNDED = 1e-9
 """Share of what a number is now below which it was none before: a fit leaves 2e-14 of what rests at zero."""
@@ -56,22 +56,24 @@ class Account:
     """The causes of a search in the order in which they are named, and what is left beside them.
 
     Attributes:
-        causes: without a name, none. patterns: axis -> what is left follows, in words. rest: the ground beside them.
+        search: which found them. causes: without a name, none. patterns: axis -> what is left follows, in words.
+        rest: the ground beside them.
     """
 
     def __init__(self, found: Lacking) -> None:
         # Names are told by half of the rows, numbers by all.
         g = self.start = Ground.of(found.start.c, ROW_RATE)
+        self.search = found
         self.causes = list[Told]()
         self.disturbed = {x.joint for x in found.causes if x.searched}
         self.patterns = {x.axis: x.effect.says() for x in found.causes if isinstance(x.effect, Pattern)}
         for own in found.listed:
             g = beside(g, _again(g, own) or own)
-        taken = [(x, x.taken) for x in found.named if x.taken is not None]
-        pairs = [(x, one, min(sum(p for y, p in x.probabilities() if kin(y, one)), 1.0)) for x, one in taken]
+        pairs = [(x, min(sum(p for y, p in x.probabilities() if kin(y, x.taken)), 1.0)) for x in found.named]
         # Those that are sure first, the largest before others, and pushes beside what comes with the motion.
-        pairs.sort(key=lambda x: (x[2] < SETTINGS.likely, x[1].effect is None, -x[1].worth))
-        for turn, one, sure in pairs:
+        pairs.sort(key=lambda x: (x[1] < SETTINGS.likely, x[0].taken.effect is None, -x[0].taken.worth))
+        for turn, sure in pairs:
+            one = turn.taken
             again = None if isinstance(one.effect, Pattern) else _again(g, one)
             if again is None or (again.effect is not None and again.total <= BAR):
                 continue
@@ -102,40 +104,40 @@ class Account:
         return Closed(whole[1], gained[1], promised, on)
 
     @cached_property
-    def together(self) -> dict[int, Closed]:
-        """Joint -> what all named causes close together."""
+    def together(self) -> dict[str, Closed]:
+        """Axis -> what all named causes close together."""
         out = dict[int, list[Closed]]()
         for x in self.causes:
             for j, closed in x.closed.items() if x.sure else ():
                 out.setdefault(j, []).append(closed)
-        return {j: reduce(Closed.beside, x) for j, x in out.items()}
+        return {self.start.c.machine.names[j]: reduce(Closed.beside, out[j]) for j in sorted(out)}
 
-    def found(self, levels: Mapping[int, float]) -> list[Found]:
-        """Return all causes in the form of the contract; ``levels``: joint -> RMS of its residual [N or N·m]."""
-        return [_found(x, levels) for x in self.causes if x.sure or x.probability < SETTINGS.likely]
+    def found(self, gaps: Mapping[str, Mapping[str, Gap]]) -> list[Found]:
+        """Return all causes in the form of the contract; ``gaps``: axis -> signal -> gap."""
+        return [_found(x, gaps) for x in self.causes if x.sure or x.probability < SETTINGS.likely]
 
     def traces(self) -> list[Traces]:
         """Return arrays for plots: the residual before and after the named causes, by axis and log."""
-        c, parts = self.start.c, self.start.parts.items()
-        after = {j: self.rest.left(j) if j in self.together else p.left for j, (p, *_) in parts}
-        each = [c.traces(c.machine.names[j], p.t, p.left, after[j]) for j, (p, *_) in parts]
-        return [x for axis in each for x in axis]
+        c, out = self.start.c, list[Traces]()
+        for j, (p, *_) in self.start.parts.items():
+            axis = c.machine.names[j]
+            out += c.traces(axis, p.t, p.left, self.rest.left(j) if axis in self.together else p.left)
+        return out
+
+    def evidence(self) -> list[dict[str, Any]]:
+        """Return the rows of the first turn, each with its probability when its axis was asked."""
+        ranked = [x for x in self.search.first if not isinstance(x.effect, Pattern)]
+        chance = {(x.name, x.axis): p for turn in self.search.named[::-1] for x, p in turn.probabilities()}
+        out = []
+        for x in (x for x in ranked if x.size > self.start.c.worth):
+            p = chance.get((x.name, x.axis), 0.0)
+            near = [y for y in ranked if chance.get((y.name, y.axis), 0.0) > p * np.exp(-SETTINGS.number)]
+            out.append(plain_row(replace(x.row(), p=p, alike=[y.name for y in near if kin(x, y)]), x.axis))
+        return out
 
     def pushed(self) -> list[Region]:
         """Return when axes were pushed, what closes most first."""
         return [r for x in self.causes if x.one.effect is None and x.sure for r in _times(x.one)]
-
-
-def evidence(found: Lacking) -> list[dict[str, Any]]:
-    """Return the rows of the first turn, each with its probability when its axis was asked."""
-    ranked = [x for turn in found.turns[:1] for x in turn.ranked if not isinstance(x.effect, Pattern)]
-    chance = {(x.name, x.axis): p for turn in found.named[::-1] for x, p in turn.probabilities()}
-    out = []
-    for x in (x for x in ranked if x.size > found.start.c.worth):
-        p = chance.get((x.name, x.axis), 0.0)
-        near = [y for y in ranked if chance.get((y.name, y.axis), 0.0) > p * np.exp(-SETTINGS.number)]
-        out.append(plain_row(replace(x.row(), p=p, alike=[y.name for y in near if kin(x, y)]), x.axis))
-    return out
 
 
 def _left(one: Lack, j: int, part: int) -> Floats:
@@ -162,7 +164,7 @@ def alike(turn: Turn) -> list[list[str]]:
     As probable is what lies within the price of one number.
     """
     one, found = turn.taken, turn.probabilities()
-    if one is None or isinstance(one.effect, Pattern):
+    if isinstance(one.effect, Pattern):
         return []
     own = max(p for x, p in found if (x.name, x.axis) == (one.name, one.axis))
     inseparable = [] if one.effect is None else [f"{one.axis}.{x}" for x in named(one.effect).inseparable]
@@ -183,9 +185,9 @@ def _ratios(turn: Turn, one: Lack) -> list[Lack]:
     return [x for x, y in again if y is None or abs(x.theta[0]) < 2.0 * y.fit.error[0]]
 
 
-def _found(x: Told, levels: Mapping[int, float]) -> Found:
+def _found(x: Told, gaps: Mapping[str, Mapping[str, Gap]]) -> Found:
     one, names = x.one, x.one.ground.c.machine.names
-    acts = {names[j]: closed.shrink(levels[j], names[j]) for j, closed in x.closed.items()}
+    acts = {names[j]: y.shrink(gaps[names[j]]["u"].rms, names[j]) for j, y in x.closed.items()}
     sizes = sizes_of(x.sized)
     if one.effect is None:
         effect, theta = None, {f"f{k}": -f for k, f in enumerate(_forces(one))}
@@ -218,10 +220,11 @@ def _found(x: Told, levels: Mapping[int, float]) -> Found:
 def sizes_of(one: Lack) -> list[Size]:
     """Return what changed from what to what, in the effect's own numbers, with 90 % intervals."""
     if one.effect is None:
-        return [_largest(one)]
+        unit = of_axis("F", one.ground.c.machine.rotary[one.joint])
+        loads = -np.array(_forces(one))  # a load on the axis has the other sign
+        return [largest("largest disturbance", loads, one.theta, one.fit.error, unit)]
     if one.name == "payload":
-        covariance = one.fit.covariance
-        return body_sizes(body_of(one.theta, covariance), one.theta, covariance)
+        return body_sizes(one.theta, one.fit.covariance)
     (before, after, covariance), rows = one.numbers, list[Size]()
     half = 1.645 * errors(covariance)
     each = zip(one.effect.coefficients(), before, after, half, strict=True)
@@ -255,14 +258,6 @@ def _resonance(one: Lack) -> list[Size]:
 def _forces(one: Lack) -> list[float]:
     """Return the effort of every push at its largest [N or N·m]."""
     return [float(x[np.argmax(np.abs(x))]) for x in one.pushes()]
-
-
-def _largest(one: Lack) -> Size:
-    """Return the largest push, with the sign of a load on the axis."""
-    force = -max(_forces(one), key=abs)
-    half = 1.645 * abs(force) * float(np.min(one.fit.error / np.maximum(np.abs(one.theta), 1e-300)))
-    unit = "N·m" if one.ground.c.machine.rotary[one.joint] else "N"
-    return Size("largest disturbance", 0.0, force, unit, (force - half, force + half))
 
 
 def _times(one: Lack) -> list[Region]:

@@ -82,12 +82,12 @@ class Answer:
         self.c, self.r, self.judged, self.new, self.valid = c, r, judged, new, valid
         self.recorded = [x for x in judged.named if x.row.group == "recording"]
         self.named = [x for x in judged.named if x.row.group != "recording"]
-        self.proofs = proven(c)
         self.closed = {k: self._closed(k) for k in r.axes}
         self.together = {k: reduce(Closed.beside, [x for _, x in y]) for k, y in self.closed.items() if y}
         self.noise, self.kind = noise_levels(c)
-        index = {c.machine.names.index(k): x for k, x in self.together.items()}
-        self.gaps = {**gap_table(c, index, self.noise), **self.unjudged}
+        unsure = [axis for axis, why in c.gate.unknown.items() if why is UNSURE]
+        self.unjudged = unjudged_gaps(new.motion, new.left, unsure)
+        self.gaps = {**gap_table(c, self.together, self.noise), **self.unjudged}
 
     @cached_property
     def track(self) -> Tracked:
@@ -105,12 +105,6 @@ class Answer:
         for axis, (between, _) in self.between.items():
             out.setdefault(axis, {})["ql"] = between
         return out
-
-    @cached_property
-    def unjudged(self) -> dict[str, dict[str, Gap]]:
-        """The gaps of axes that are not judged, for their twin is unsure by more than their effort varies."""
-        axes = [axis for axis, why in self.c.gate.unknown.items() if why is UNSURE]
-        return unjudged_gaps(self.new.motion, self.new.left, axes)
 
     @cached_property
     def possible(self) -> list[Named]:
@@ -267,7 +261,7 @@ class Answer:
         row = self.judged.described
         shown = {} if row is None else {row.axis: described(row.what)}
         faults = {axis_of(x.row, self.r): f"the recording: {effect_words(x.row.name)}" for x in self.recorded}
-        return {**shown, **faults, **self.c.gate.nameless, **self.c.gate.silent}
+        return {**shown, **faults, **self.c.gate.remains}
 
     def where(self) -> list[Region]:
         """Return where and when each cause acts; without a sure name the possible one, else what is open."""
@@ -292,7 +286,7 @@ class Answer:
 
     def recording(self) -> list[dict[str, Any]]:
         """Return the faults of the recording, what `check` proves first: from when to when [s], and how large."""
-        out = list(self.proofs)
+        out = list(self.judged.proofs)
         for row, p in ((x.row, x.probability) for x in self.recorded):
             at = Place(self.r, axis_of(row, self.r), self.new.stretches)
             one = entry(self.c, row.name, row.axis if row.axis != ALL else None, p)
@@ -314,17 +308,14 @@ class Answer:
         for x in self.recorded:
             law = x.row.by.get("law", 0.0) > x.row.by.get("plant", 0.0)
             out.setdefault(axis_of(x.row, self.r), {})["e" if law else "u"] = 1.0
-        for name in [
-            *doubted(self.proofs, self.r.axes),
-            *self.unjudged,
-            *(x for x in self.c.gate.silent if x in self.gaps),
-        ]:
+        silent = [x for x in self.c.gate.silent if x in self.gaps]
+        for name in [*doubted(self.judged.proofs, self.r.axes), *self.unjudged, *silent]:
             out.setdefault(name, {})["u"] = 1.0
         return out
 
     def sentence(self, effects: Sequence[Found]) -> list[str]:
         """Return what a person reads first."""
-        if self.recorded or self.proofs:
+        if self.recorded or self.judged.proofs:
             return [JUDGED["recording"].format(faults=recording_words(self.recording()))]
         if effects:
             places = [(x.row, Place(self.r, axis_of(x.row, self.r), self.new.stretches)) for x in self.named]
@@ -353,8 +344,8 @@ def _judged(
         shown = told and effect not in options["leave_out"] and (asked or not servo)
         return row.group == "describe" or shown
 
-    if proven(c):
-        return Judged([], False, None, [], {}, [])
+    if proofs := proven(c):
+        return Judged(proofs=proofs)
     q = replace(Question.of(r, new.stretches, valid.stretches if valid else ()), worth=c.worth)
     return judge(q, trained(), options["false_alarm"], admits, 1 if options["quick"] else 4)
 
@@ -364,6 +355,11 @@ def _answer(c: Comparison, options: Mapping[str, Any]) -> Answer | None:
     r = reference(c.twin, [c.machine.names[j] for j in c.new.joints]) if c.change else None
     if r is None:
         return None
+    for key in [(k, "plant") for k in r.axes if k in c.gate.unknown]:
+        deaf = replace(r.whitenings[key], sigma=1e6 * r.whitenings[key].sigma)
+        r = replace(
+            r, whitenings={**r.whitenings, key: deaf}
+        )  # what the twin does not foretell tells nothing
     many = len(c.logs)
     new, valid = _Rows.of(r, c.motions[:many]), _Rows.of(r, c.motions[many:]) if c.validation else None
     lawful = bool(r.laws) and all("e" in s.axes[k] for s in new.stretches for k in r.laws)

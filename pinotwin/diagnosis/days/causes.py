@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Mask
-from pinotwin.diagnosis.conclusion.sizes import body_sizes
+from pinotwin.diagnosis.conclusion.sizes import body_sizes, largest, sized
 from pinotwin.diagnosis.days.forms import known, parts
 from pinotwin.diagnosis.days.law import Law
 from pinotwin.diagnosis.days.mechanisms import ENCODER, GROWS, Ends, knows, part_of
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.row import ALL, Row
 from pinotwin.diagnosis.days.stretch import Stretch
-from pinotwin.diagnosis.payload import body_of, plain_body
+from pinotwin.diagnosis.payload import plain_body
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import Effect
+from pinotwin.units import of_axis
 
 ROWS = {
     "coulomb": ("friction_since", "friction_at_start", "cross_friction", "motor_coulomb"),
@@ -51,24 +52,14 @@ class Place:
     logs: Sequence[Stretch]
 
     @property
-    def force(self) -> str:
-        """Unit of the effort."""
-        return "N·m" if self._rotary else "N"
-
-    @property
-    def length(self) -> str:
-        """Unit of the position."""
-        return "rad" if self._rotary else "m"
-
-    @property
     def effort(self) -> float:
         """RMS of the effort on healthy days [N or N·m]."""
         return float(self.reference.widths[self.axis]["effort"])
 
-    @property
-    def _rotary(self) -> bool:
+    def unit(self, of: str) -> str:
+        """Return a unit in which F, x and I stand for that of effort, position and inertia of the axis."""
         machine = self.reference.twin.machine
-        return bool(machine.rotary[machine.names.index(self.axis)])
+        return of_axis(of, machine.rotary[machine.names.index(self.axis)])
 
     def spread(self, channel: str) -> float:
         """Return how far a channel varies in the logs in question [its unit]."""
@@ -113,25 +104,26 @@ def axis_of(row: Row, r: Reference) -> str:
 def sizes(row: Row, at: Place) -> list[Size]:
     """Return what changed from what to what, with 90 % intervals."""
     if row.name == "payload":
-        return _body(row)
+        return body_sizes(plain_body(row.numbers), np.diag(plain_body(row.errors) ** 2))
     if effect_of(row.name) == "external_force":
-        return [_largest(row, "plant", "largest disturbance", at.force)]
+        return [_largest(row, "plant", "largest disturbance", at.unit("F"))]
     if row.name in ("encoder_period", "encoder_along"):
-        return [_largest(row, "encoders", "encoder_error.largest", at.length)]
+        return [_largest(row, "encoders", "encoder_error.largest", at.unit("x"))]
     if row.form is not None:
         return _coefficients(row, row.form, at)
     name, before, factor, unit = unit_of(row.name, at)
-    if row.name == "limit":
-        return [Size(name, np.inf, row.theta, unit, (float("nan"), float("nan")))]
-    if row.group == "recording":
-        return [Size(name, float("nan"), row.theta, unit, (float("nan"), float("nan")))]
+    if row.group in ("limit", "recording"):
+        return [sized(name, before if row.name == "limit" else np.nan, row.theta, unit, np.nan)]
 
     def after(x: float) -> float:
         # A compliance is a number of what the drive gives, not of its stiffness.
         return before / max(1.0 + x, 1e-9) if row.name == "compliance" else before + factor * x
 
     low, now, high = sorted(after(row.theta + k * row.error) for k in (-1.645, 0.0, 1.645))
-    return [Size(name, before, max(now, 0.0) if row.group == "friction" else now, unit, (low, high))]
+    least = 0.0 if row.group == "friction" else -np.inf
+    steady = row.place is None and when(row, at).get("kind") == "always"
+    own = row.own if steady else 0.0  # of another place or instant it tells nothing
+    return [Size(name, max(after(own), least), max(now, least), unit, (low, high))]
 
 
 def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
@@ -140,8 +132,8 @@ def _coefficients(row: Row, form: Effect, at: Place) -> list[Size]:
     each = [k for part in parts(form) for k in part.coefficients()]
     before = known(at.reference.twin, form)
     for k, old, x, error in zip(each, before, row.numbers * row.scale, row.errors * row.scale, strict=True):
-        new, half = float(np.clip(old + x, k.lower, k.upper)), 1.645 * abs(float(error))
-        out.append(Size(f"{row.name}.{k.name}", float(old), new, k.unit, (new - half, new + half)))
+        new = float(np.clip(old + x, k.lower, k.upper))
+        out.append(sized(f"{row.name}.{k.name}", float(old), new, k.unit, abs(error)))
     return out
 
 
@@ -151,58 +143,50 @@ def unit_of(name: str, at: Place) -> tuple[str, float, float, str]:
     law = at.reference.laws.get(at.axis, Law())
     kp, ki = law.cascade
     stiff = -1.0 / min(float(at.reference.twists.get(at.axis, -np.ones(1))[0]), -1e-300)
-    per, mass = f"{at.force}·s/{at.length}", "kg·m²" if at.length == "rad" else "kg"
     table = {
-        "coulomb": ("coulomb.c", *dry, at.force),
-        "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, at.force),
-        "motor_coulomb": ("coulomb.at_the_motor", 0.0, at.effort, at.force),
-        "motor_viscous": ("viscous.at_the_motor", 0.0, at.effort / at.spread("v"), per),
-        "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, at.force),
-        "viscous": ("viscous.b", *viscous, per),
-        "offset": ("offset.f0", at.known("offset"), at.effort, at.force),
-        "drift": ("offset.drift", 0.0, at.effort, at.force),
-        "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), mass),
-        "compliance": ("drive_flexibility.stiffness", stiff, -stiff, f"{at.force}/{at.length}"),
+        "coulomb": ("coulomb.c", *dry, "F"),
+        "friction_at_start": ("coulomb.after_starts", 0.0, at.effort, "F"),
+        "motor_coulomb": ("coulomb.at_the_motor", 0.0, at.effort, "F"),
+        "motor_viscous": ("viscous.at_the_motor", 0.0, at.effort / at.spread("v"), "F·s/x"),
+        "cross_friction": ("coulomb.along_stroke", 0.0, at.effort, "F"),
+        "viscous": ("viscous.b", *viscous, "F·s/x"),
+        "offset": ("offset.f0", at.known("offset"), at.effort, "F"),
+        "drift": ("offset.drift", 0.0, at.effort, "F"),
+        "inertia": ("payload.inertia", 0.0, at.effort / at.spread("a"), "I"),
+        "compliance": ("drive_flexibility.stiffness", stiff, -stiff, "F/x"),
         "effort_scale": ("effort_scale.share", 0.0, 1.0, "-"),
         "effort_late": ("delay.seconds", 0.0, 1e-3, "s"),
         "position_gain": ("position_gain.kp", kp, kp, "1/s"),
         "velocity_feedforward": ("velocity_feedforward.share", law.ahead[0], 1.0, "-"),
-        "acceleration_feedforward": ("acceleration_feedforward.inertia", law["ar"], law.inertia, mass),
-        "integral": ("integral.ki", ki, law.proportional, f"{at.force}/{at.length}"),
-        "dead_band": ("dead_band.half_width", 0.0, at.spread("e") if law.stable else 1.0, at.length),
-        "zero": ("zero.shift", 0.0, 1.0, at.length),
-        "encoder_step": ("encoder_step.step", 0.0, ENCODER, at.length),
+        "acceleration_feedforward": ("acceleration_feedforward.inertia", law["ar"], law.inertia, "I"),
+        "integral": ("integral.ki", ki, law.proportional, "F/x"),
+        "dead_band": ("dead_band.half_width", 0.0, at.spread("e") if law.stable else 1.0, "x"),
+        "zero": ("zero.shift", 0.0, 1.0, "x"),
+        "encoder_step": ("encoder_step.step", 0.0, ENCODER, "x"),
         "encoder_scale": ("encoder_scale.error", 0.0, ENCODER, "1"),
-        "backlash": ("backlash.gap", 0.0, ENCODER, at.length),
-        "tooth": ("position_table.peak", 0.0, at.effort, at.force),
-        "limit": ("saturation.limit", np.inf, 1.0, at.force),
+        "backlash": ("backlash.gap", 0.0, ENCODER, "x"),
+        "tooth": ("position_table.peak", 0.0, at.effort, "F"),
+        "limit": ("saturation.limit", np.inf, 1.0, "F"),
         "command_late": ("command_late.seconds", 0.0, 1.0, "s"),
         "clock_scale": ("clock_scale.factor", 1.0, 1.0, "-"),
     }
     found = table.get(name, table.get(effect_of(name)))
     plain = found is None or (name in ("position_gain", "integral") and not kp)
-    return (f"{effect_of(name)}.factor", 1.0, 1.0, "-") if plain or found is None else found
-
-
-def _body(row: Row) -> list[Size]:
-    """Return the mass and the centre of mass of a body, from numbers that are known apart from each other."""
-    pi, covariance = plain_body(row.numbers), np.diag(plain_body(row.errors) ** 2)
-    return body_sizes(body_of(pi, covariance), pi, covariance)
+    if plain or found is None:
+        return f"{effect_of(name)}.factor", 1.0, 1.0, "-"
+    return *found[:3], at.unit(found[3])
 
 
 def _largest(row: Row, equation: str, name: str, unit: str) -> Size:
     """Return the largest force, or error, of what acts for a while or along a stroke."""
-    course = np.concatenate(row.courses(row.axis, equation))
-    most = float(course[np.argmax(np.abs(course))])
-    half = 1.645 * abs(most) * float(np.min(row.errors / np.maximum(np.abs(row.numbers), 1e-300)))
-    return Size(name, 0.0, most, unit, (most - half, most + half))
+    return largest(name, np.concatenate(row.courses(row.axis, equation)), row.numbers, row.errors, unit)
 
 
 def regions(row: Row, at: Place) -> list[Region]:
     """Return where and when a cause acts, in the log's own time, with the share of the residual that lies there."""
     gap, law = ("encoders", "ql"), ("law", "e")
     equation, signal = {"play": gap, "encoder": gap, "law": law}.get(row.group, ("plant", "u"))
-    left = [at.reference.residuals(s, [at.axis])[at.axis, equation] for s in at.logs]
+    left = at.reference.left(at.logs, at.axis, equation)
     total = max(sum(float(x @ x) for x in left), 1e-300)
     count = sum(len(x) for x in left)
 
@@ -218,17 +202,17 @@ def regions(row: Row, at: Place) -> list[Region]:
         out.append(region("time", (start + a, start + b), "s", rows))
     if row.place is not None:
         span = (row.place[0] - 2.0 * row.place[1], row.place[0] + 2.0 * row.place[1])
-        out.append(region("position", span, at.length, _within(at, at.axis, "q", span)))
+        out.append(region("position", span, at.unit("x"), _within(at, at.axis, "q", span)))
     if row.name == "limit":
         spans = [(at.logs[k], a, b) for k, a, b in row.spans]
         told = (s.axes[at.axis]["v"][(s.t >= a) & (s.t <= b)] for s, a, b in spans)
         v = np.concatenate([np.zeros(1), *told])
         span = (float(v.min()), float(v.max()))
-        out.append(region("velocity", span, f"{at.length}/s", _within(at, at.axis, "v", span)))
+        out.append(region("velocity", span, at.unit("x/s"), _within(at, at.axis, "v", span)))
     if row.name == "cross_friction":
         q = np.concatenate([s.axes[row.what]["q"] for s in at.logs])
         span = (float(q.min()), float(q.max()))
-        out.append(region("other_axis", span, at.length, _within(at, row.what, "q", span), row.what))
+        out.append(region("other_axis", span, at.unit("x"), _within(at, row.what, "q", span), row.what))
     return out
 
 

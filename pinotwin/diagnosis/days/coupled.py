@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.ground import USUAL, Ground, Tables
+from pinotwin.diagnosis.days.ground import Ground, Tables
+from pinotwin.diagnosis.settings import SETTINGS
 
 
 def coupled(g: Ground, j: int) -> tuple[Ground, Tables, float]:
@@ -22,7 +23,7 @@ def coupled(g: Ground, j: int) -> tuple[Ground, Tables, float]:
     are those of one machine. That they are less likely is no gain of a factor: any cause on an axis makes them so.
     """
     turn, gram = g.shared
-    wide, others = USUAL.wide * g.noise[j][0], [k for k in g.parts if k != j]
+    wide, others = SETTINGS.wide * g.noise[j][0], [k for k in g.parts if k != j]
     told = np.eye(turn.shape[1] + 1) / wide**2 + sum(gram[k] for k in others)
     known, all_ = told[:-1, :-1], told + gram[j]
     off = turn @ np.linalg.solve(known, told[:-1, -1])

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.candidates.catalogue import APART, BESIDE, SAME, SUMS, Joined, Worn
+from pinotwin.diagnosis.candidates.catalogue import APART, SAME, SUMS, Joined, Worn, instances
 from pinotwin.diagnosis.days.mechanisms import GROUP
 from pinotwin.diagnosis.days.places import Felt, Sought, Whitened
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch
 from pinotwin.diagnosis.settings import SETTINGS
-from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.known import known as known_effects
 from pinotwin.effects.tree import Tree
@@ -41,8 +41,7 @@ def forms(r: Reference, w: Whitened, name: str) -> dict[str, Sought]:
     laws = [k for k, x in every.items() if x.family is FRICTION and x.contains]
     other = (*GROUP, *APART, *SAME, *SUMS, *laws, "geometric_error", "backlash")
     for kind in (x for k, x in every.items() if k not in other and x.family.acts != "loop"):
-        beside = [EFFECTS[x].on(tree, name) for x in BESIDE.get(kind.name, ())]
-        tried = [Joined(name, (*beside, e)) if beside else e for e in kind.candidates(tree, name, longest)]
+        tried = instances(kind, tree, name, longest)
         price = float(np.log(max(len(tried), 1)))
         if tried and np.isfinite(gain(best := _best(tried, gain))):
             out[kind.name] = _local(w, _polished(tried, best, gain) if gain(best) > price else best, price)

@@ -31,29 +31,6 @@ Tables = Sequence[Mapping[int, Floats]]
 """Columns on every sample: joint -> (m, p)."""
 
 
-@dataclass(frozen=True)
-class Usual:
-    """What a question of structure takes for granted.
-
-    Attributes:
-        rate: rows a second [Hz]; beyond half of it log and model differ by how a drive holds its effort.
-        floor: of an effort's variation, what no model leaves less than.
-        wide: prior width of the twin's columns, in units of the noise.
-        late: standard deviation of half of a drive's cycle [s]. blur: of a row's smoothing of the effort [1].
-        far: standard deviations from which that is no habit of a healthy axis, but a finding.
-    """
-
-    rate: float = 100.0
-    floor: float = 0.005
-    wide: float = 1e3
-    late: float = 2.5e-4
-    blur: float = 0.25
-    far: float = 3.0
-
-
-USUAL = Usual()
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
     """The rows of one axis in the logs in question, or in those of validation.
@@ -97,7 +74,7 @@ class Part:
     def cells(self, noise: tuple[float, float], columns: Floats) -> Cells:
         """Return the cells of the rows with columns (m, p); ``noise``: of a row, and how many count as one."""
         sigma, spread = noise
-        own = np.column_stack([self.twin * USUAL.wide * sigma, self.day])
+        own = np.column_stack([self.twin * SETTINGS.wide * sigma, self.day])
         X = np.column_stack([np.zeros(len(self.left)), own, columns, self.left]) / (sigma * np.sqrt(spread))
         x, rows = padded([X[a:b] for a, b in pairwise(self.edges)]), np.diff(self.edges) / spread
         day, nothing = own.shape[1], np.zeros(len(rows), dtype=np.intp)
@@ -165,10 +142,10 @@ class Ground:
         return thinned_model(self.samples, self.c.twin.effects)
 
     @classmethod
-    def of(cls, c: Comparison, rate: float = USUAL.rate) -> Ground:
+    def of(cls, c: Comparison, rate: float = SETTINGS.rate) -> Ground:
         """Return the ground of a comparison, at about so many rows a second [Hz]."""
         past = None
-        if c.change and c.own is not None:
+        if c.own is not None:
             own = [_thin(c.own, own_residual(c.twin), rate)]
             past = cls(c, own, _known(c, own))
             for j in own[0].joints:
@@ -205,8 +182,8 @@ class Ground:
             for s, x, day in zip([s for s in self.samples if j in s.joints], each, self.days[j], strict=True)
         ]
         p = self.parts[j][0]
-        noise = self.c.own.level(j) if self.c.change and self.c.own is not None else self.c.noise.get(j, 0.0)
-        sigma = np.hypot(noise, USUAL.floor * self.samples[0].size(j)) + 1e-300
+        noise = self.c.noise.get(j, 0.0) if self.c.own is None else self.c.own.level(j)
+        sigma = np.hypot(noise, SETTINGS.floor * self.samples[0].size(j)) + 1e-300
         left = p.left - p.twin @ (p.twin.T @ p.left) / len(p.left)
         for _ in range(2):  # again by what robust numbers leave
             past = self.past  # as long as in the twin's own logs, whatever the rates
@@ -219,7 +196,7 @@ class Ground:
     def settle(self, j: int) -> None:
         """Let what is no habit of a healthy axis leave the day of a joint, by its fit without any cause."""
         twin = self.parts[j][0].twin.shape[1]
-        if not (usual := np.abs(self.base[j].days[j][twin:]) <= USUAL.far).all():
+        if not (usual := np.abs(self.base[j].days[j][twin:]) <= SETTINGS.far).all():
             self.parts[j] = [replace(x, day=x.day * usual) for x in self.parts[j]]
             self.base[j] = self.alone(j)
 
@@ -267,7 +244,7 @@ class Ground:
     def refitted(self, j: int, fit: Fit) -> Floats:
         """Return how the twin's coefficients move beside a cause, by the rows of one joint, shape (b,)."""
         found = _compressed(self.columns(0, j)) @ -fit.days[j][: self.parts[j][0].twin.shape[1]]
-        return np.asarray(found[: len(self.c.twin.theta)] * USUAL.wide * self.noise[j][0])
+        return np.asarray(found[: len(self.c.twin.theta)] * SETTINGS.wide * self.noise[j][0])
 
     def instead(self, j: int, columns: Floats, own: Sequence[int]) -> tuple[Floats, Floats, Floats] | None:
         """Return the numbers of columns (m, p) that stand for some of the twin's on a joint; None if they do not.
@@ -287,7 +264,7 @@ class Ground:
     def left(self, j: int) -> Floats:
         """Return what the nuisances alone leave of the rows of a joint, shape (m,) [N or N·m]."""
         p = self.parts[j][0]
-        return p.left + np.hstack([p.twin * USUAL.wide * self.noise[j][0], p.day]) @ self.base[j].days[j]
+        return p.left + np.hstack([p.twin * SETTINGS.wide * self.noise[j][0], p.day]) @ self.base[j].days[j]
 
     def columns(self, k: int, j: int) -> Floats:
         """Return the columns of the twin, and of what was found, of a joint on a sample, shape (m, b)."""
@@ -305,8 +282,8 @@ class Ground:
         out = []
         for s, unsure in zip((s for s in self.samples if j in s.joints), self._unsure(j), strict=True):
             before, after = (s.columns(late.shaped([x]))[j] for x in (1e-4, -1e-4))
-            blur = (before - after) * s.motion.step * USUAL.blur
-            out.append(np.hstack([0.5 * (before + after) * USUAL.late, blur, unsure]))
+            blur = (before - after) * s.motion.step * SETTINGS.blur
+            out.append(np.hstack([0.5 * (before + after) * SETTINGS.late, blur, unsure]))
         return out
 
     def _unsure(self, j: int) -> list[Floats]:
@@ -412,13 +389,12 @@ class Ground:
 
     def least(self, j: int, share: float) -> float:
         """Return the least worth a word, of the variation of a joint's effort [1]: a change is more than the misfit."""
-        own = self.c.own
-        misfit = own.level(j) if self.c.change and own is not None else 0.0
+        misfit = 0.0 if self.c.own is None else self.c.own.level(j)
         return max(share, misfit / max(self.samples[0].size(j), 1e-300))
 
     def loud(self, j: int) -> bool:
         """Whether a joint leaves more than any model does, and the misfit beside it."""
-        return self.open(j) > np.hypot(self.least(j, 0.0), self.least(j, USUAL.floor))
+        return self.open(j) > np.hypot(self.least(j, 0.0), self.least(j, SETTINGS.floor))
 
     def open(self, j: int) -> float:
         """Return what is left of a joint over the variation of its effort, RMS [1]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -44,15 +44,17 @@ class Judged:
         rows: evidence of the first question, best first. open: axis, equation -> its misfit over a healthy one.
         detectable: the least changes that these logs would have shown.
         possible: the best cause that is not sure enough to be named, also where nothing need have changed.
+        proofs: faults of the recording that `check` proves; nothing else is judged then.
     """
 
-    named: Sequence[Named]
-    unknown: bool
-    described: Row | None
-    rows: Sequence[Row]
-    open: Mapping[tuple[str, str], float]
-    detectable: Sequence[Mapping[str, Any]]
+    named: Sequence[Named] = ()
+    unknown: bool = False
+    described: Row | None = None
+    rows: Sequence[Row] = ()
+    open: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    detectable: Sequence[Mapping[str, Any]] = ()
     possible: Sequence[Named] = ()
+    proofs: Sequence[dict[str, Any]] = ()
 
 
 def evidence(
@@ -68,7 +70,11 @@ def evidence(
     # Each step between two encoders is one: it may come again, if nothing else was found.
     again = {f.axis for f in found if {x.name for x in found if x.axis == f.axis} == {"encoder_step"}}
     rows = [
-        replace(r, score=_beyond(healthy.get(_kind(r), 0.0), r, q.logs))
+        replace(
+            r,
+            score=_beyond(healthy.amplitudes.get(_kind(r), 0.0), r, q.logs),
+            own=healthy.numbers.get((r.name, r.axis, r.what), 0.0),
+        )
         for r in rows
         if ((r.name == "encoder_step" and r.axis in again) or (family(r.name), r.axis) not in told)
         and admits(r)
@@ -79,23 +85,40 @@ def evidence(
     return case_of(q.reference, rows, opened, touched), rows, asked
 
 
-@cache
-def usual(r: Reference, *, search: bool) -> dict[tuple[str, bool, str], float]:
-    """Return the largest amplitude on one of the twin's own days, which nobody doubts, of causes of one kind.
+@dataclass(frozen=True)
+class Usual:
+    """What causes are on the twin's own days, which nobody doubts, in so far as they speak for them.
 
-    A kind is a group, whether it is in the reading alone, and the axis. It is no less than that of the average axis:
-    few days show few of the ways in which a twin is off. No ``search``: of what needs none, which is faster.
+    Attributes:
+        amplitudes: kind of cause -> the largest amplitude of one [root of nats/s]; a kind is a group, whether it is in
+            the reading alone, and the axis. It is no less than that of the average axis: few days show few of the ways
+            in which a twin is off.
+        numbers: name, axis, and what a row is of -> its number, mean of the days; 0 on one that does not speak for it.
     """
-    seen = dict[tuple[str, bool, str], float]()
-    for day in sorted({s.log for s in r.logs}):
+
+    amplitudes: Mapping[tuple[str, bool, str], float]
+    numbers: Mapping[tuple[str, str, str], float]
+
+
+@cache
+def usual(r: Reference, *, search: bool) -> Usual:
+    """Return what causes are on the twin's own days. No ``search``: of what needs none, which is faster."""
+    seen, numbers = dict[tuple[str, bool, str], float](), dict[tuple[str, str, str], float]()
+    days = sorted({s.log for s in r.logs})
+    for day in days:
         logs = [s for s in r.logs if s.log == day]
         asked = Asked(Question.of(r, logs), search=search)
         for x in (*asked.rows(every=True), *recording_rows(asked)):
             if x.score > 0.0:
                 seen[_kind(x)] = max(seen.get(_kind(x), 0.0), _amplitude(x, logs))
+                one = (x.name, x.axis, x.what)
+                numbers[one] = numbers.get(one, 0.0) + x.theta / len(days)
     groups = {kind[:2] for kind in seen}
     average = {g: float(np.mean([seen.get((*g, axis), 0.0) for axis in r.axes])) for g in groups}
-    return {(*g, axis): max(seen.get((*g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)}
+    every = {
+        (*g, axis): max(seen.get((*g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)
+    }
+    return Usual(every, numbers)
 
 
 def _kind(row: Row) -> tuple[str, bool, str]:
@@ -132,7 +155,8 @@ def judge(
         case, rows, asked = evidence(q, [x.row for x in found], admits)
         P, one = decided(case, decision)
         first = first or (_with_chances(rows, case, P[2:]), asked)
-        possible = [] if one is None else [replace(one, probability=one.probability * (1.0 - float(P[0])))]
+        best = one or (None if found else _next_to_unknown(case, P))
+        possible = [] if best is None else [replace(best, probability=best.probability * (1.0 - float(P[0])))]
         told = [one.row] if one else case.described[:1]
         if P[0] >= limit or any(r.worth < least_share(r.group, q.worth) for r in told):
             break
@@ -145,6 +169,12 @@ def judge(
     rows, asked = first
     could = detectable(asked, decision.bars[known(q.reference.days)])
     return Judged(found, unknown, described, rows, asked.open, could, possible)
+
+
+def _next_to_unknown(case: Case, P: Floats) -> Named | None:
+    """Return the best cause if it is at least half as likely as something unknown."""
+    near = [k for k, p in enumerate(P[2:]) if p >= SETTINGS.likely * P[1]]
+    return named(case, P, max(near, key=lambda k: P[2 + k])) if near else None
 
 
 def _renewed(found: Sequence[Named], one: Row) -> list[Named]:

@@ -21,6 +21,7 @@ from pinotwin.diagnosis.payload import possible as body_can_be
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects import Effect
 from pinotwin.effects.family import TRANSMISSION
+from pinotwin.effects.layout import rigid_body_of
 from pinotwin.signals import rms
 
 BODIES = ("inertial_coupling", "wrist_coupling", "payload", "geometric_error")
@@ -194,14 +195,12 @@ class Lack:
         g, c, j = self.ground, self.ground.c, self.joint
         mass, m = c.new.motion.mass, c.machine
         carried = 0.0 if mass is None else float(np.mean(mass[:, j, j]))
-        at = next(
-            (s for e, s in zip(c.twin.effects, c.twin.slices, strict=True) if e.name == "rigid_body"), None
-        )
-        if c.change or at is None or not carried:
+        if c.change or not carried:
             return carried, carried
         middle = c.new.motion.q.mean(axis=0, keepdims=True)
         still, push = np.zeros_like(middle), np.eye(middle.shape[1])[j : j + 1]
         rest, more = (m.base.regressor(m.model, middle, still, a)[0, j] for a in (still, push))
+        at = rigid_body_of(c.twin.effects)[1]
         return carried, carried + float((more - rest) @ g.refitted(j, self.fit)[at])
 
     def row(self) -> Row:
@@ -233,19 +232,16 @@ class Lack:
         )
 
 
-def judged(
-    g: Ground, effect: Effect | None, axis: str, tables: Tables | None, price: float = 0.0
-) -> Lack | None:
-    """Return a candidate with what it is worth; None where the twin's own columns leave nothing of it.
+def judged(g: Ground, effect: Effect | None, axis: str, tables: Tables | None) -> Lack | None:
+    """Return a candidate with what it is worth but for the search; None where the twin's own columns leave none of it.
 
-    ``effect``: at its shapes, None of pushes; ``price``: of the search [nats], beside that of the numbers.
+    ``effect``: at its shapes, None of pushes.
     """
     if not tables or not tables[0]:
         return None
-    names = g.c.machine.names
+    names, price = g.c.machine.names, 0.0
     if effect is not None and not g.c.change and effect.name == "effort_scale":
-        g, tables, likelier = coupled(g, names.index(axis))
-        price += likelier
+        g, tables, price = coupled(g, names.index(axis))
     first = tables[0]
     j = names.index(axis) if axis in names and names.index(axis) in first else next(iter(first))
     size = np.sqrt(sum(np.mean(x**2, axis=0) / g.noise[k][0] ** 2 for k, x in first.items()))

@@ -41,10 +41,10 @@ class Law:
         Z = np.concatenate([x - x.mean(axis=0) for x in rows])
         X, y = Z[:, :-1], Z[:, -1]
         bounds = np.transpose([(SIGNS if signed else {}).get(k, (-np.inf, np.inf)) for k in TERMS])
-        gains = _solved(X, y, bounds)
+        gains = solved(X, y, bounds)
         for _ in range(3 if X[:, -1].any() else 0):  # ki comes nearer by a hundred times in each
             ki = cls(gains).cascade[1]
-            gains = np.append(_solved(X[:, :-1], y - ki * X[:, -1], bounds[:, :-1]), ki)
+            gains = np.append(solved(X[:, :-1], y - ki * X[:, -1], bounds[:, :-1]), ki)
         return cls(gains, rms(y) / max(rms(X[:, TERMS.index("ar")]), np.finfo(float).tiny))
 
     def __getitem__(self, term: str) -> float:
@@ -139,8 +139,8 @@ class Law:
         return changes | {"lead": X[:, -1] * self["lead"]}
 
 
-def _solved(X: Floats, y: Floats, bounds: Floats) -> Floats:
-    """Return the gains (p,) within bounds (2, p) that leave least of an effort; none of what stands still is known."""
+def solved(X: Floats, y: Floats, bounds: Floats) -> Floats:
+    """Return the gains (p,) within bounds (2, p) that leave least of y (n,); none of what stands still is known."""
     scale = np.abs(X).max(axis=0)
     scale[scale < np.finfo(float).eps] = np.inf
     return np.asarray(lsq_linear(X / scale, y, bounds, method="bvls").x / scale)

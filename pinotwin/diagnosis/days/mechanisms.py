@@ -15,7 +15,7 @@ from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Columns, Stretch
 from pinotwin.dynamics.batch import regressor
 from pinotwin.effects.tree import Tree
-from pinotwin.signals import rms
+from pinotwin.signals import hats, rms
 
 Acts = dict[str, Floats]
 Ends = tuple[float, float]
@@ -228,12 +228,6 @@ def motors(r: Reference, s: Stretch) -> dict[str, dict[str, Floats]]:
     return out
 
 
-def hats(x: Floats, count: int) -> Floats:
-    """Return piecewise linear functions that sum to one, at ``count`` knots of 0..1, shape (n, count)."""
-    x = np.clip(x, 0.0, 1.0) * (count - 1)
-    return np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(count)))
-
-
 def descriptions(
     r: Reference,
     s: Stretch,
@@ -252,7 +246,7 @@ def descriptions(
     out: dict[str, Floats] = {}
 
     def both(what: str, x: Floats, low: float, high: float, count: int, kinds: Sequence[str]) -> None:
-        B = hats((x - low) / max(high - low, 1e-300), count) * w
+        B = hats(x, low, high, count) * w
         for kind in kinds:
             out[kind + what] = B * c["sg"][:, None] if kind else B
 
@@ -267,11 +261,11 @@ def descriptions(
     both("acceleration", c["a"], -a, a, 7, ("",))
     both("load", c["rest"], -rest, rest, 6, ("dry ",))
     if run is not None:
-        B, (at, many) = hats(s.t / s.t[-1], 9) * w, run
+        B, (at, many) = hats(s.t, 0.0, s.t[-1], 9) * w, run
         for kind in ("", "dry "):
             out[f"{kind}time"] = np.kron(np.eye(many)[at], B * c["sg"][:, None] if kind else B)
     if program:
-        out["program"] = hats(s.t / s.t[-1], 40) * w
+        out["program"] = hats(s.t, 0.0, s.t[-1], 40) * w
     return {f"describe:{what}": {"plant": x} for what, x in out.items()}
 
 

@@ -160,14 +160,13 @@ FINER = ((0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35), (0.95, 0.975, 1.025, 1.05))
 
 @dataclass(frozen=True, eq=False)
 class _Push:
-    """A push where it explains most: gain [nats], stretches, first row, course, and how it was made."""
+    """A push where it explains most: gain [nats], stretches, first row, course, and how many rows it was made of."""
 
     gain: float
     group: tuple[int, ...]
     at: int
     wave: Floats
     long: float
-    box: bool
 
 
 def _finest(
@@ -199,14 +198,14 @@ def _strongest(
     b = np.convolve(wave, np.r_[1.0, -w.whitening.rho])
     short = min(len(left[k]) for k in group)
     if short <= len(b):
-        return _Push(0.0, group, 0, wave, long, box)
+        return _Push(0.0, group, 0, wave, long)
     num = sum(np.correlate((left[k] * w.counts[k])[:short], b, "valid") for k in group)
     den = sum(np.correlate(w.counts[k][:short] ** 2, b**2, "valid") for k in group)
     whole = len(group) * float(b @ b) / w.whitening.weight**2
     seen = den > 0.5 * whole  # a push that lies in rows that do not count is none
     gain = np.where(seen, num**2 / np.maximum(den, 0.5 * whole) / 2.0, 0.0)
     at = int(np.argmax(gain))
-    return _Push(float(gain[at]), group, at, wave, long, box)
+    return _Push(float(gain[at]), group, at, wave, long)
 
 
 def instants(count: int) -> float:

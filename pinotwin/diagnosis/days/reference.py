@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.days.law import Law
+from pinotwin.diagnosis.days.law import Law, solved
 from pinotwin.diagnosis.days.stretch import Columns, Stretch, stretches
 from pinotwin.diagnosis.days.whitening import COUNTED, Whitening, settled
 from pinotwin.diagnosis.settings import SETTINGS
@@ -142,11 +141,9 @@ def _fitted(bare: Reference, logs: Sequence[Stretch]) -> Reference:
             X = np.concatenate([_between(c) for c in columns])
             own = np.concatenate([np.full(len(c["u"]), k) for k, c in enumerate(columns)])
             X = np.column_stack([X, own[:, None] == np.arange(len(columns))])
-            scale = np.maximum(np.abs(X).max(axis=0), 1e-300)
-            y = np.concatenate([c["gap"] for c in columns])
             bounds = np.tile([[-np.inf], [np.inf]], X.shape[1])
             bounds[1, 0] = bounds[0, 1] = 0.0  # a stiffness and a rotor's inertia are not below zero
-            found = lsq_linear(X / scale, y, bounds, method="bvls").x / scale
+            found = solved(X, np.concatenate([c["gap"] for c in columns]), bounds)
             twists[name] = found[:6]
             if bare.days >= SEVERAL:
                 zeros[name] = float(found[6:].mean())

@@ -30,6 +30,7 @@ class Row:
         score: gain of the log density less the price [nats]. by: of every equation and of the healthy day.
         price: of numbers and search [nats]. count: numbers.
         theta: the last of them. error: its standard error. z: all of them over their errors.
+        own: what it is on the twin's own days, where they speak for it.
         worth: size over the effort; 1 where it has none in the effort.
         logs: gain of every stretch [nats]. positive: gains over all changes of cells. spread: cells that carry it.
         closed: equation -> share of what is open.
@@ -72,6 +73,7 @@ class Row:
     alike: Sequence[str] = ()
     form: Effect | None = None
     scale: Floats = field(default_factory=lambda: np.ones(1), repr=False)
+    own: float = 0.0
 
     def acts_on(self, axes: Collection[str]) -> bool:
         """Whether it acts on any of some axes."""

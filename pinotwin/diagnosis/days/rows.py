@@ -121,7 +121,7 @@ class Asked:
     def error(self, cause: str, axis: str) -> tuple[float, float] | None:
         """Return the standard error of a cause's number beside a healthy day, and from where it is worth a word.
 
-        Both in its unit; None where it does not act.
+        Both in its unit; None where it does not act, or is not told from a change as large as the effort.
         """
         axes = self.r.axes if cause in self.tried.wide else (axis,)
         keys = [(a, e) for a in axes for e in self.cells[a] if cause in self.cells[a][e].at]
@@ -130,7 +130,8 @@ class Asked:
             return None
         one = self._worth(cause, [a for a, _ in keys], np.ones(1), searched=False)
         told = max(SETTINGS.told.get(group_of(cause), 0.0), self.q.worth / max(one, 1e-300))
-        return (float(score(use, 1).error[0]), told) if one else None  # a part that the twin has not
+        error = float(score(use, 1).error[0])
+        return (error, told) if one > 0.0 and error * one < 1.0 else None  # 0 of a part that the twin has not
 
     def _touched(self, cause: str, axes: Sequence[str]) -> list[tuple[str, str]]:
         """Return the equations that a cause, or what was found, acts on."""

@@ -32,7 +32,6 @@ class Stretch:
         cell: number of the cell that each row is in, shape (n,).
         axes: axis -> channel -> column.
         motion: the stretch as prepared, with the channels of the twin's effort. rows: those of it that are kept.
-        left: measured effort less the twin's on every row of ``motion``, shape (m, nv) [N or N·m].
     """
 
     t: Floats
@@ -44,7 +43,6 @@ class Stretch:
     axes: Mapping[str, Columns]
     motion: Motion
     rows: Ints
-    left: Floats
 
     def thirds(self) -> list[Stretch]:
         """Return three parts of the stretch as logs of their own."""
@@ -124,7 +122,7 @@ def stretches(
             found[name] |= {"raw": np.array([noise]), "unsure": guesses[:, j], "reach": reach}
         t = m.t[rows] - m.t[0]
         cell = (t / SETTINGS.cell).astype(np.intp)
-        out.append(Stretch(t, every * m.step, m.step, log, part.start, cell, found, m, rows, rest))
+        out.append(Stretch(t, every * m.step, m.step, log, part.start, cell, found, m, rows))
     return out
 
 

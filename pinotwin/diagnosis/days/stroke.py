@@ -16,12 +16,13 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.days.evidence import Left
 from pinotwin.diagnosis.days.forms import peak
 from pinotwin.diagnosis.days.healthy import healthy_day
-from pinotwin.diagnosis.days.mechanisms import ENCODER, hats
+from pinotwin.diagnosis.days.mechanisms import ENCODER
 from pinotwin.diagnosis.days.places import Felt, Sought
 from pinotwin.diagnosis.days.reference import Reference
 from pinotwin.diagnosis.days.stretch import Stretch, corner
 from pinotwin.diagnosis.settings import SETTINGS
 from pinotwin.effects.sensing import EncoderError
+from pinotwin.signals import hats
 
 KNOTS, MOST_WAVES, ORDERS = 12, 160, np.array([1.0, 2.0])
 """Of an error along a stroke: its knots, or its waves along it at most, and their orders."""
@@ -32,7 +33,8 @@ def encoder_errors(
 ) -> dict[str, Sought]:
     """Return an error along the stroke of an axis, and one that repeats, of what its encoders leave of stretches."""
     q, v = (np.concatenate([s.axes[name][k] for s in logs]) for k in "qv")
-    low, size = float(q.min()), float(np.ptp(q))
+    low, high = float(q.min()), float(q.max())
+    size = high - low
     if not size > 0.0:
         return {}
     machine, y = r.twin.machine, np.concatenate([x[name, "encoders"] for x in left])
@@ -50,7 +52,7 @@ def encoder_errors(
     period = peak(power, tried.tolist())
     bent, number = null_space(np.stack([np.ones(KNOTS), np.arange(KNOTS)])), SETTINGS.number
     column = partial(_column, logs, y, day, name)
-    along = column(lambda x: hats((x - low) / size, KNOTS) @ bent, bent.shape[1] * number)
+    along = column(lambda x: hats(x, low, high, KNOTS) @ bent, bent.shape[1] * number)
     again = column(lambda x: _waves(x, period), 2.0 * len(ORDERS) * number + float(np.log(len(tried))))
     form = EncoderError(name, bool(machine.rotary[machine.names.index(name)]), period)
     return {"encoder_along": along, "encoder_period": replace(again, form=form, place=None)}

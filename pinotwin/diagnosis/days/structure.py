@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy.optimize import minimize
@@ -171,12 +172,11 @@ def polished(g: Ground, one: Lack) -> Lack:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One turn of a search: the ground, its candidates, best first, rivals not told yet, and the one that was taken."""
+    """One turn of a search: the ground, rivals not told yet, best first, and the one that was taken."""
 
     ground: Ground
-    ranked: Sequence[Lack]
     rivals: Sequence[Lack]
-    taken: Lack | None
+    taken: Lack
 
     def probabilities(self) -> list[tuple[Lack, float]]:
         """Return what is worth a word on the axis of what was taken, best first, each with its probability [1].
@@ -184,7 +184,7 @@ class Turn:
         That something is there, its score says: the probability is that of the name.
         """
         one = self.taken
-        every = [x for x in self.rivals if one and x.joint == one.joint and x.size > self.ground.c.worth]
+        every = [x for x in self.rivals if x.joint == one.joint and x.size > self.ground.c.worth]
         every = [x for x in every if x is one or not isinstance(x.effect, Curve)]
         # A twin's own logs tell how many rows count as one.
         width = WIDTH if self.ground.past is None else 1.0
@@ -198,41 +198,42 @@ class Lacking:
     """What a machine's model lacks.
 
     Attributes:
-        start: the ground without any cause.
+        start: the ground without any cause. first: its candidates, best first; none where none were asked for.
         named: causes, each in the turn of all others, in the order in which they were found.
         listed: what stands for an effect that the machine has, with its shape led astray: it names nothing.
-        turns: of the search, by which a decision is trained.
     """
 
     start: Ground
+    first: Sequence[Lack]
     named: Sequence[Turn]
     listed: Sequence[Lack]
-    turns: Sequence[Turn]
 
     @property
     def causes(self) -> list[Lack]:
         """The causes."""
-        return [x.taken for x in self.named if x.taken is not None]
+        return [x.taken for x in self.named]
 
 
 def lacking(
     c: Comparison, leave_out: Collection[str] = (), admits: Admits = lambda *_: True, most: int = 5
 ) -> Lacking:
     """Return what a model lacks, at most so many causes: none of ``leave_out``, none that ``admits`` refuses."""
-    finder, turns = Finder(c, leave_out, admits), list[Turn]()
+    finder, turns, first = Finder(c, leave_out, admits), list[Turn](), list[Lack]()
     g = start = Ground.of(c)
     while len(turns) < most:
-        turns.append(_turn(g, finder.ranked(g), [x.taken for x in turns if x.taken is not None]))
-        if turns[-1].taken is None:
+        ranked = finder.ranked(g)
+        first = first or ranked
+        turn = _turn(g, ranked, [x.taken for x in turns])
+        if turn is None:
             break
-        g = beside(g, turns[-1].taken)
-    taken = [x for x in turns if x.taken is not None]
-    own = [x.taken for x in taken if x.taken is not None and listed(x.taken)]
-    return Lacking(start, [x for x in _revised(finder, start, taken) if x.taken not in own], own, turns)
+        turns.append(turn)
+        g = beside(g, turn.taken)
+    own = [x.taken for x in turns if listed(x.taken)]
+    return Lacking(start, first, [x for x in _revised(finder, start, turns) if x.taken not in own], own)
 
 
-def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
-    """Return a turn: what is taken of that which is worth a word and was not told yet.
+def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn | None:
+    """Return a turn: what is taken of that which is worth a word and was not told yet; None if nothing is.
 
     No machine follows a law to the last. A free curve stands back behind a cause that closes half of what it does, and
     the best cause behind a simpler one of its kin that it outdoes by no more than the rest of a form. What closes
@@ -253,8 +254,10 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
 
     new = [x for x in ranked if (x.name, x.axis) not in known or (x.effect and named(x.effect).several)]
     able = [x for x in new if stands(x)]
+    if not able:
+        return None
     able = [x for x in able if x.joint == able[0].joint]
-    if able and isinstance(able[0].effect, Curve):
+    if isinstance(able[0].effect, Curve):
         causes = [x for x in new if x.joint == able[0].joint and not isinstance(x.effect, Curve)]
         able = [x for x in causes if stands(x, 0.5 * able[0].share)] or able
 
@@ -274,7 +277,7 @@ def _turn(g: Ground, ranked: Sequence[Lack], told: Sequence[Lack]) -> Turn:
     if g.past is not None:  # some of what it closes may be no news
         good = [x for x in good if able[0].total < rest * x.total]
     rivals = [x for x in new if not x.searched or x in able]
-    return Turn(g, ranked, rivals, min([*able[:1], *good], key=plain, default=None))
+    return Turn(g, rivals, min([able[0], *good], key=plain))
 
 
 def beside(g: Ground, one: Lack) -> Ground:
@@ -288,14 +291,10 @@ def _revised(finder: Finder, start: Ground, turns: Sequence[Turn]) -> list[Turn]
     """Return the causes as they are beside each other: what was found alone may have stood for what came after it."""
     out = list(turns)
     for k, one in enumerate([x.taken for x in turns]):
-        rest = [x.taken for x in out if x is not out[k] and x.taken is not None]
-        if one is None or not any(one.joint in x.tables[0] for x in rest):
-            continue
-        g = start
-        for x in rest:
-            g = beside(g, x)
-        again = _turn(g, finder.ranked(g, one.axis), rest)
-        out[k] = out[k] if again.taken is None else again
+        rest = [x.taken for x in out if x is not out[k]]
+        if any(one.joint in x.tables[0] for x in rest):
+            g = reduce(beside, rest, start)
+            out[k] = _turn(g, finder.ranked(g, one.axis), rest) or out[k]
     return out
 
 

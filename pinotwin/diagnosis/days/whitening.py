@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
@@ -62,8 +63,7 @@ class Whitening:
             power = sum(float((x[n:] * x[: len(x) - n] * m[n:] * m[: len(m) - n]).sum()) for x, m in pairs)
             C[n] = power / max(sum(float((m[n:] * m[: len(m) - n]).sum()) for _, m in pairs), 1.0)
         C[0] = 1.05 * C[0] + 1e-300  # a white floor: beyond the low-pass there is nothing to be learnt
-        lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-        rough = cls(np.asarray(np.linalg.solve(C[lags], C[1:]), dtype=float), 1.0, 1.0)
+        rough = cls(np.asarray(np.linalg.solve(toeplitz(C[:-1]), C[1:]), dtype=float), 1.0, 1.0)
         rest = [rough(x[:, None])[:, 0][settled(m) > 0.0] for x, m in pairs]
         square = np.concatenate(rest) ** 2
         if not len(square):

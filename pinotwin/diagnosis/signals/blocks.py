@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.signals import rms
-from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
+from pinotwin.solve.jackknife import jackknife, without_each
 
 RIDGE = 1e-9  # Of a column's own square: keeps a singular system solvable, moves nothing that is determined
 
@@ -48,10 +48,7 @@ class Blocked:
 
 def by_blocks(X: Floats, y: Floats, blocks: Sequence[slice]) -> Blocked:
     """Return the least-squares fit of ``y`` (n,) by ``X`` (n, p), every block left out once."""
-    scale = np.sqrt(np.mean(X**2, axis=0))
-    scale[scale == 0.0] = 1.0
-    N, g = (without_each(x) for x in block_sums(X, y, blocks))
-    every = solved(N, g, RIDGE, scale * np.sqrt(len(X)))
+    every = without_each(X, y, blocks, RIDGE)
     rest = y.copy()
     for b, theta in zip(blocks, every, strict=False):
         rest[b] = y[b] - X[b] @ theta

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.conclusion.explained import drawn
+from pinotwin.diagnosis.conclusion.explained import drawn, stated_of
+from pinotwin.diagnosis.conclusion.sizes import sized
 from pinotwin.diagnosis.conclusion.where import concentrated, regimes
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
@@ -27,6 +28,7 @@ from pinotwin.diagnosis.signals.blocks import Blocked, blocks_of, by_blocks, pos
 from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
 from pinotwin.solve.jackknife import jackknife
+from pinotwin.units import of_axis
 
 SLOWEST = 0.02  # Of the top speed: below it the direction of lost motion is not known
 MOST_ROWS = 20_000
@@ -143,7 +145,7 @@ class Seen:
 
 def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
     """Return what lies between motor and load by the load encoder of each axis; of a twin its own days tell."""
-    axes = {} if c.change else {k: x.index for k, x in c.machine.axes.items() if k not in c.gate.silent}
+    axes = {} if c.change else {k: x.index for k, x in c.machine.axes.items() if k not in c.gate.remains}
     twists = {(k, j): _twist(c.new.motion, j) for k, j in axes.items()}
     return {k: _seen(c, k, j, twist, rng) for (k, j), twist in twists.items() if twist is not None}
 
@@ -176,27 +178,29 @@ def with_encoders(
 
 def _seen(c: Comparison, name: str, joint: int, new: _Twist, rng: np.random.Generator) -> Seen:
     chosen, steps = _chosen(new)
-    now = (*NUISANCE, *chosen)
-    before, after = new.fit(NUISANCE), new.fit(now)
+    now, before = (*NUISANCE, *chosen), new.fit(NUISANCE)
+    after = [before, *chosen.values()][-1]
     mass = c.new.motion.mass
     inertia = float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))  # [kg or kg·m²]
     effects = []
     for part, (shrink, sure) in steps.items():
         names = now[: now.index(part) + 1]
-        told = _Told(name, c.machine.rotary[joint], new, new.fit(names), names, "table" in chosen)
-        effects.append(told.named(part, shrink, inertia, sure))
+        told = _Told(name, c.machine.rotary[joint], new, chosen[part], names, "table" in chosen)
+        found = told.named(part, shrink, inertia, sure)
+        effects.append(replace(found, shrink={"ql": stated_of(before.left, shrink)}))
     gap = Gap(before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left))
     cells = regimes(c.new.motion, new.rows, joint) if steps else []
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
     return Seen(gap, effects, where, "spring" in steps, "lost" in steps, _notes(name, after, new))
 
 
-def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
-    """Return the parts that the twist has, most telling first; what those that can be real close, and how surely."""
-    chosen: list[str] = []
-    steps: dict[str, tuple[Shrink, float]] = {}
+def _chosen(new: _Twist) -> tuple[dict[str, Blocked], dict[str, tuple[Shrink, float]]]:
+    """Return the parts that the twist has, most telling first, and what those that can be real close, and how surely.
+
+    A part comes with the fit of it beside those before it.
+    """
+    chosen, steps, now = dict[str, Blocked](), dict[str, tuple[Shrink, float]](), new.fit(NUISANCE)
     while not set(PARTS) <= set(chosen):
-        now = new.fit([*NUISANCE, *chosen])
         trials = {p: new.fit([*NUISANCE, *chosen, p]) for p in PARTS if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
         fit = trials[best]
@@ -207,11 +211,12 @@ def _chosen(new: _Twist) -> tuple[list[str], dict[str, tuple[Shrink, float]]]:
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
         if share < RULES.encoder_share or low <= 0.0 or closed < new.noise:
             break
-        chosen.append(best)
+        chosen[best] = fit
         k = new.at([*NUISANCE, *chosen], best)  # springs and play are positive
         if best == "table" or fit.theta[k] > np.sqrt(RULES.encoder_strength) * fit.error[k]:
             told = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
             steps[best] = told, posterior(int(np.sum(each > RULES.encoder_share)), len(each))
+        now = fit
     return chosen, steps
 
 
@@ -227,7 +232,7 @@ class _Told:
     placed: bool  # whether there is an error along the stroke
 
     def named(self, part: str, shrink: Shrink, inertia: float, sure: float) -> Found:
-        shape, unit = dict[str, float](), "rad" if self.rotary else "m"
+        shape, unit = dict[str, float](), of_axis("x", self.rotary)
         if part == "spring":
             effect, sizes = FLEXIBLE[0], self._spring()
             shape = _mode(sizes[0].after, sizes[1].after, inertia - sizes[2].after)
@@ -254,9 +259,8 @@ class _Told:
         softest, half = self.new.reverse(self.names)
         ranges.append((max(softest - half, 0.0), softest + half))
         between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
-        units = ("N·m/rad", "N·m·s/rad", "kg·m²") if self.rotary else ("N/m", "N·s/m", "kg")
         rows = []
-        for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
+        for name, unit, i in (("stiffness", "F/x", 0), ("damping", "F·s/x", 2), ("rotor", "I", 1)):
             now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
             half = 1.645 * float(_errors(each))
             span = (max(float(now) - half, 0.0), float(now) + half)
@@ -264,18 +268,17 @@ class _Told:
                 now = now * between if between > 0.0 else now
                 low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
                 span = (min(low, (1.0 - FINEST) * float(now)), max(high, (1.0 + FINEST) * float(now)))
-            rows.append(Size(f"drive_flexibility.{name}", 0.0, float(now), unit, span))
+            rows.append(Size(f"drive_flexibility.{name}", 0.0, float(now), of_axis(unit, self.rotary), span))
         return rows
 
     def _table(self, unit: str) -> list[Size]:
         """Return the largest error along the stroke, then the whole table, its mean taken off."""
         at = self.new.at(self.names, "table")
-        now, half = _course(self.fit.theta, at), 1.645 * _errors(_course(self.fit.folds, at))
-        low, high = now - half, now + half
+        now, error = _course(self.fit.theta, at), _errors(_course(self.fit.folds, at))
         labels = [f"at {x:.6g} {unit}" for x in self.new.knots]
         order = [int(np.argmax(np.abs(now))), *range(KNOTS)]
         return [
-            Size(f"encoder_error.{name}", 0.0, float(now[k]), unit, (float(low[k]), float(high[k])))
+            sized(f"encoder_error.{name}", 0.0, now[k], unit, error[k])
             for name, k in zip(["largest", *labels], order, strict=True)
         ]
 

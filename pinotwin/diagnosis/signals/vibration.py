@@ -13,9 +13,9 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import least_squares
 
-from pinotwin.analysis.deflection import Load, PassiveSpring, is_measured, load_on, springs
+from pinotwin.analysis.deflection import Load, PassiveSpring, is_measured, load_of, springs
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.conclusion.explained import drawn
+from pinotwin.diagnosis.conclusion.explained import drawn, stated_of
 from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
@@ -27,6 +27,7 @@ from pinotwin.signals import rms
 from pinotwin.signals.filters import edge_rows, vibration_band
 from pinotwin.solve.sandwich import block_covariance
 from pinotwin.twin import Twin
+from pinotwin.units import of_axis
 
 BLOCK = 0.5
 """Length of data that counts as one stretch [s]; every other one is fitted without a validation log."""
@@ -39,7 +40,6 @@ class Vibrations:
     gaps: dict[str, Gap]  # joint -> gap of its velocity [m/s or rad/s]
     effects: list[Found]  # springs that have changed
     where: list[Region]  # regions in which the gaps lie
-    shrinks: dict[str, Shrink]  # joint -> how far its gap shrinks with the spring that was found
 
 
 def look_at_vibration(
@@ -50,7 +50,7 @@ def look_at_vibration(
     rng: np.random.Generator,
 ) -> Vibrations:
     """Return the gap of every passive joint whose velocity the logs hold, and why it is there."""
-    out = Vibrations({}, [], [], {})
+    out = Vibrations({}, [], [])
     if not isinstance(subject, Twin) or not springs(subject):
         return out
     motions = [replace(one.motion, decimation=1) for one in logs]
@@ -91,7 +91,7 @@ class _Run:
         for s in motion.segments:
             edge = edge_rows(s.stop - s.start, rate)
             rows.append(np.arange(s.start + edge, s.stop - edge))
-        load = load_on(twin, motion, joint)
+        load = load_of(twin.machine, twin.coefficients("rigid_body"), motion, joint)
         return cls(sealed, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
 
     def left(self, spring: PassiveSpring) -> Floats:
@@ -158,7 +158,6 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
         return
     out.where.extend(_where(spring, runs, rng))
     if named:
-        out.shrinks[spring.name] = shrink
         out.effects.append(_named(spring, found, runs, shrink, moved, sure))
 
 
@@ -216,7 +215,7 @@ def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> lis
         a = np.concatenate([np.abs(r.load.motion.a[r.rows, joint]) for r in runs.runs])
         top = float(a.max())
         if joint != spring.index and top > 0.0:
-            unit = ("rad" if motion.rotary[joint] else "m") + "/s²"
+            unit = of_axis("x/s²", motion.rotary[joint])
             cells.append(Cell("other_axis", (0.1 * top, top), unit, a > 0.1 * top, name))
     cells = [c for c in cells if 0.01 < c.mask.mean() < 0.95]
     power = np.concatenate(left) ** 2
@@ -230,4 +229,5 @@ def _named(
     wn, zeta = new.mode(inertia)
     shape, theta = {"frequency": wn / (2.0 * np.pi), "damping": zeta}, {"k": new.stiffness, "c": new.damping}
     gain = float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300)))
-    return Found("joint_flexibility", old.name, sure, shape, theta, {"v": shrink}, [], moved, gain=gain)
+    whole = {"v": stated_of(shrink.before, shrink)}
+    return Found("joint_flexibility", old.name, sure, shape, theta, whole, [], moved, gain=gain)

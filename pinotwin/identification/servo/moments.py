@@ -100,11 +100,10 @@ def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Float
 def _belief(search: Search, usual: Usual) -> tuple[Floats, Floats]:
     """Return precision (k, k) and middle (k,) of what is believed of a search before the log, in its units."""
     precision, middle = np.full(len(search.names), 1e-8), np.zeros(len(search.names))
-    for k, name in enumerate(search.names):
+    for k, (name, begun) in enumerate(zip(search.names, search.scale, strict=True)):
         if name in ("dead", "offset"):
             precision[k] = 1.0
         elif name in usual:
-            begun = getattr(search.start, name) if name in SHAPES else search.start.notch[int(name[5:])]
             precision[k], middle[k] = 1.0 / usual[name][1] ** 2, np.log(usual[name][0] / begun)
     return np.diag(precision), middle
 

@@ -23,6 +23,8 @@ deviation of what is beyond; any within is as usual as another.
 A slow ramp does not tell it, and a faster command would throw the simulated axis off.
 """
 NAMED = ("kp", "kv", "rate", "ffv", "ffa")
+NOTCH = ("notch0", "notch1", "notch2")
+LOGARITHMIC = (*SHAPES, *NOTCH, *PLANT)
 
 
 @dataclass(frozen=True)
@@ -33,42 +35,33 @@ class Search:
     names: tuple[str, ...]
     scale: Floats
 
+    def values(self, x: Floats) -> dict[str, float]:
+        """Return what is searched at a point, by name."""
+        rows = zip(self.names, x, self.scale, strict=True)
+        return {k: float(s * (np.exp(y) if k in LOGARITHMIC else y)) for k, y, s in rows}
+
     def servo(self, x: Floats) -> Servo:
         """Return the controller at a point."""
-        gains, notch = list(self.start.gains), list(self.start.notch)
-        shapes: dict[str, Any] = {}
-        named: dict[str, float] = {}
-        for name, value, scale in zip(self.names, x, self.scale, strict=True):
-            if name.startswith("gain"):
-                gains[int(name[4:])] = float(value * scale)
-            elif name in NAMED:
-                named[name] = float(value * scale)
-            elif name.startswith("notch"):
-                notch[int(name[5:])] *= float(np.exp(value))
-            elif name in SHAPES:
-                shapes[name] = float(scale * np.exp(value))
-            elif name == "offset":
-                shapes[name] = float(scale * value)
-        if named:
-            lag = shapes.get("velocity_lag", self.start.velocity_lag)
-            gains = list(Servo.of_cascade(**named, velocity_lag=lag).gains)
-        return replace(self.start, gains=tuple(gains), notch=(notch[0], notch[1], notch[2]), **shapes)
+        values, start = self.values(x), self.start
+        gains = tuple(values.get(f"gain{i}", gain) for i, gain in enumerate(start.gains))
+        a, b, c = (values.get(name, y) for name, y in zip(NOTCH, start.notch, strict=True))
+        shapes: dict[str, Any] = {k: values[k] for k in (*SHAPES, "offset") if k in values}
+        if named := {k: values[k] for k in NAMED if k in values}:
+            lag = shapes.get("velocity_lag", start.velocity_lag)
+            gains = Servo.of_cascade(**named, velocity_lag=lag).gains
+        return replace(start, gains=gains, notch=(a, b, c), **shapes)
 
     def doubt(self, x: Floats, usual: Usual, inertia: float) -> Floats:
         """Return how far shapes and feed-forward are from usual ones, in standard deviations of what drives have."""
-        servo = self.servo(x)
-        share, (least, most, beyond) = servo.gains[5] / inertia, FORWARD
-        out = [(share - min(max(share, least), most)) / beyond]
-        for name in self.names:
-            if name in usual:
-                value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
-                out.append(float(np.log(value / usual[name][0])) / usual[name][1])
-        return np.array(out)
+        share, (least, most, beyond) = self.servo(x).gains[5] / inertia, FORWARD
+        shapes = {name: value for name, value in self.values(x).items() if name in usual}
+        far = [float(np.log(value / usual[name][0])) / usual[name][1] for name, value in shapes.items()]
+        return np.array([(share - min(max(share, least), most)) / beyond, *far])
 
     def extra(self, x: Floats) -> Factors:
         """Return the factors on the plant at a point."""
-        given = dict(zip(self.names, x, strict=True))
-        return tuple(float(np.exp(given.get(k, 0.0))) for k in PLANT)  # type: ignore[return-value]
+        values = self.values(x)
+        return tuple(values.get(name, 1.0) for name in PLANT)  # type: ignore[return-value]
 
 
 def search_of(servo: Servo, plant: Sequence[str] = (), offset_scale: float = 1.0) -> tuple[Search, Floats]:
@@ -83,9 +76,9 @@ def search_of(servo: Servo, plant: Sequence[str] = (), offset_scale: float = 1.0
         rows += [(k, size, named[k] / size) for k, size in sizes]
     if servo.form == "proportional":
         rows.append(("offset", offset_scale, servo.offset / offset_scale))
-    rows += [(k, getattr(servo, k), 0.0) for k in SHAPES if getattr(servo, k) > 0.0]
-    logarithms = ["notch0", "notch1", "notch2"] if servo.notch[0] > 0.0 else []
-    rows += [(k, 1.0, 0.0) for k in (*logarithms, *plant)]
+    shapes = [(k, getattr(servo, k)) for k in SHAPES if getattr(servo, k) > 0.0]
+    shapes += zip(NOTCH, servo.notch, strict=True) if servo.notch[0] > 0.0 else ()
+    rows += [(k, size, 0.0) for k, size in (*shapes, *((k, 1.0) for k in plant))]
     names, scale, x = zip(*rows, strict=True)
     return Search(servo, names, np.array(scale)), np.array(x)
 

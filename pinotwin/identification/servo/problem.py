@@ -12,9 +12,9 @@ from pinotwin.arrays import Floats
 from pinotwin.loop.margins import command_peak, stable
 from pinotwin.loop.servo import Servo
 from pinotwin.simulation import axis_kernel
-from pinotwin.simulation.axis_kernel import Axis, Course
+from pinotwin.simulation.axis_kernel import Axis
 from pinotwin.simulation.law import Law, substeps
-from pinotwin.simulation.state import Lookup
+from pinotwin.simulation.state import Command, Lookup
 
 Usual = Mapping[str, tuple[float, float]]
 DRIVES: Usual = {
@@ -121,7 +121,7 @@ class AxisProblem:
         rows = np.arange(window.stop - window.start)
         load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])
         h = self.step / substeps
-        course = Course(*command, load, h, 1, self._limit)
+        course = Command(*command, load, h, 1, self._limit)
         y = axis_kernel.run(self._axis(servo, h), self.tables, course, self._start(window))
         return None if y is None else y[:, 0]
 
@@ -129,13 +129,13 @@ class AxisProblem:
         return Axis(self.inertia, self.viscous, Law.of(servo, h))
 
     @cached_property
-    def _courses(self) -> tuple[tuple[Course, Floats, tuple[slice, ...]], ...]:
+    def _courses(self) -> tuple[tuple[Command, Floats, tuple[slice, ...]], ...]:
         """What is asked in one go, the position, velocity and effort in which it begins, and what is compared."""
         out = []
         for windows in self._together():
             whole = slice(windows[0].start, windows[-1].stop)
             qr, vr, load = (np.ascontiguousarray(x[whole]) for x in (self.qr, self.vr, self.load))
-            course = Course(qr, vr, load, self.step, self.substeps, self._limit)
+            course = Command(qr, vr, load, self.step, self.substeps, self._limit)
             at = [slice(s.start - whole.start + self.skip, s.stop - whole.start) for s in windows]
             compared = tuple(x for x, s in zip(at, windows, strict=True) if s in self.windows)
             out.append((course, self._start(whole), compared))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -92,19 +91,13 @@ def doubtful(judge: AxisProblem, found: Found, settings: Settings = USUAL, far: 
 
 def afresh(p: AxisProblem) -> list[Found]:
     """Return answers from usual tunings over the band of :data:`BANDWIDTHS`, the best first."""
-    found = []
+    found, lag = [], LAGS[2]
     for f in BANDWIDTHS:
         w, M = 2.0 * np.pi * f, p.inertia
         for ffv, ffa in ((1.0, M), (0.0, 0.0)):
-            shapes: dict[str, Any] = {
-                "velocity_lag": LAGS[2],
-                "output_lag": OUTPUT_LAG,
-                "dead": DEAD,
-                "step": p.step,
-            }
-            cascade = Servo.of_cascade(0.7 * w, 2.0 * M * w, 0.5 * w, ffv, ffa, **shapes)
-            gains = (2.0 * M * w**2, 0.7 * M * w**3, 2.0 * M * w, 2.0 * M * w * ffv, 0.0, ffa)
-            found += [replace(cascade, form="general"), Servo(gains, **shapes)]
+            cascade = Servo.of_cascade(0.7 * w, 2.0 * M * w, 0.5 * w, ffv, ffa, velocity_lag=lag).gains
+            pid = (2.0 * M * w**2, 0.7 * M * w**3, 2.0 * M * w, 2.0 * M * w * ffv, 0.0, ffa)
+            found += [Servo(gains, lag, OUTPUT_LAG, dead=DEAD, step=p.step) for gains in (cascade, pid)]
     brief = [polish(p, servo, steps=BRIEF) for servo in found]
     good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:3]
     return sorted((polish(p, f.servo) or f for f in good), key=lambda f: f.cost)

@@ -30,7 +30,7 @@ _STAMP = (
     r"^\s*(?:(?:(?P<Y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)"
     r"|\d\d?[-/. ](?:\d\d?|[A-Za-z]{3})[-/. ]\d{2,4}|[A-Za-z]{3} \d\d?,? \d{4},?)[Tt_ ,]\s*)?"
     r"(?P<H>\d\d?):(?P<M>\d\d):(?P<S>\d\d(?:[.,]\d+)?)\s*"
-    r"(?P<half>[AaPp])?(?:\.?[Mm]\.?)?\s*(?:[ZzU]T?C?|(?P<zone>[+-]\d\d(?::?\d\d)?))?\s*$"
+    r"(?P<half>[AaPp])?(?:\.?[Mm]\.?)?\s*(?:[ZzU]T?C?|(?P<zone>[+-])(?P<h>\d\d)(?::?(?P<min>\d\d))?)?\s*$"
 )
 _DAY, _HOUR = 86400.0, 3600.0
 
@@ -106,7 +106,9 @@ def seconds(cells: pa.ChunkedArray) -> tuple[Floats, list[str]]:
         return hour, []
     first = known[0]
     hour = np.where(half == "", hour, hour % 12.0 + 12.0 * (np.char.lower(half) == "p"))
-    parts = ((_HOUR, hour), (60.0, _number(found, "M")), (1.0, _number(found, "S")), (-1.0, _ahead(zone)))
+    ahead = _HOUR * np.nan_to_num(_number(found, "h")) + 60.0 * np.nan_to_num(_number(found, "min"))
+    ahead = np.where(zone == "-", -ahead, ahead)  # of UTC
+    parts = ((_HOUR, hour), (60.0, _number(found, "M")), (1.0, _number(found, "S")), (-1.0, ahead))
     t = np.sum([size * (x - x[first]) for size, x in parts], axis=0)
     dated = bool(_texts(found, "Y")[first])
     if dated:
@@ -131,14 +133,6 @@ def _number(found: pa.ChunkedArray, name: str) -> Floats:
     part = pc.replace_substring(pc.struct_field(found, name), ",", ".")
     number = pc.cast(pc.if_else(pc.equal(part, ""), None, part), pa.float64())
     return np.array(pc.fill_null(number, float("nan")).to_pylist(), dtype=float)  # without pandas
-
-
-def _ahead(zones: np.ndarray) -> Floats:
-    """Return the seconds that zones such as ``+02:00`` are ahead of UTC, shape (n,)."""
-    known, place = np.unique(zones, return_inverse=True)
-    digits = [zone.replace(":", "") for zone in known]
-    ahead = [_HOUR * float(d[1:3] or 0) + 60.0 * float(d[3:5] or 0) for d in digits]
-    return np.array([-x if d.startswith("-") else x for d, x in zip(digits, ahead, strict=True)])[place]
 
 
 def _summer_time(t: Floats, known: np.ndarray) -> int:

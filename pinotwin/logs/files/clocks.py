@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content
+from pinotwin.logs.files.messages import Table, seconds_since
 
 Arrays = Mapping[str, NDArray[np.generic]]
 CARRIED = "written on change, carried forward to the next"
@@ -80,8 +81,18 @@ def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
     return np.asarray(np.interp(t, own[known][order], x[known][order], left=np.nan, right=np.nan))
 
 
-def take_messages(content: Content, topic: str, prefix: str, arrays: Arrays, source: str) -> None:
-    """Add the numbers of one topic's messages under a prefix; those that have a time go on one clock ``t``."""
+def take_messages(
+    content: Content, topic: str, prefix: str, table: Table, source: str, clock: str = ""
+) -> None:
+    """Add the numbers of one topic's messages under a prefix; those that have a time go on one clock ``t``.
+
+    Where no channel is called so, that is the stamps, if every message has one: of the ``clock``, which is said.
+    """
+    arrays: Arrays = table.arrays()
+    if "t" not in arrays and len(table.stamps) == table.rows:
+        arrays = {**arrays, "t": seconds_since(table.stamps[0], table.stamps)}
+        content.units[f"{prefix}t"] = "s"
+        content.notes += [f"{prefix}t: {clock}, in seconds since the first message"] if clock else []
     channels = {name: x for name, x in arrays.items() if name != "t"}
     if "t" in arrays and channels:
         groups, notes = streams(topic, np.asarray(arrays["t"], dtype=float), channels)

@@ -13,7 +13,7 @@ import numpy as np
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import take_messages
 from pinotwin.logs.files.content import Content, undamaged
-from pinotwin.logs.files.messages import Table, numbers, seconds_since, stamp
+from pinotwin.logs.files.messages import Table, numbers, stamp
 
 
 def load(path: Path, source: str) -> Content:
@@ -60,17 +60,10 @@ def _is_table(value: object) -> bool:
 
 
 def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
-    table, text, stamps = Table(name or "the messages"), set[str](), list[int]()
-    prefix = f"{name}." if name else ""
+    table, text = Table(name or "the messages"), set[str]()
     for row in rows:
         if not isinstance(row, Mapping):
             raise ValueError(f"row {table.rows} is no object")
-        table.add(numbers(row, "", text))
-        at = stamp(row)
-        stamps += [] if at is None else [at]
-    arrays = table.arrays()
-    if "t" not in arrays and len(stamps) == table.rows:
-        arrays["t"] = seconds_since(stamps[0], stamps)
-        content.units[f"{prefix}t"] = "s"
+        table.add(numbers(row, "", text), stamp(row))
     content.left_out += sorted(text)
-    take_messages(content, name or "t", prefix, arrays, name or "the messages")
+    take_messages(content, name or "t", f"{name}." if name else "", table, name or "the messages")

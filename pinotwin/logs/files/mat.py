@@ -43,7 +43,5 @@ def _flatten(name: str, value: object, content: Content) -> None:
                 _flatten(f"{name}[{i}]", item, content)
         else:
             content.left_out.append(name)
-    elif isinstance(value, np.ndarray | np.generic | int | float):
-        content.add(name, value)
     else:
-        content.left_out.append(name)
+        content.add(name, value)

@@ -11,7 +11,7 @@ from pinotwin.errors import LogError
 from pinotwin.logs.files.checksums import BROKEN_MCAP, REMEDY, verify
 from pinotwin.logs.files.clocks import take_messages
 from pinotwin.logs.files.content import Content, limited, undamaged
-from pinotwin.logs.files.messages import Table, numbers, seconds_since
+from pinotwin.logs.files.messages import Table, numbers
 
 ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
 
@@ -19,7 +19,6 @@ ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
 def load(path: Path, source: str) -> Content:
     """Return the signals of an MCAP file, topic by topic."""
     tables: dict[str, Table] = {}
-    times: dict[str, list[int]] = {}
     text: set[str] = set()
     verify(path, source)
     with undamaged(source, BROKEN_MCAP, REMEDY), path.open("rb") as file:
@@ -34,25 +33,19 @@ def load(path: Path, source: str) -> Content:
                 )
             table = tables.setdefault(channel.topic, Table(source))
             limited(source, 8 * len(message.data), path.stat().st_size)  # an object for each few letters
-            table.add(numbers(json.loads(message.data), "", text))
-            times.setdefault(channel.topic, []).append(message.log_time)
+            table.add(numbers(json.loads(message.data), "", text), message.log_time)
         else:
-            return _content(tables, times, text, source)
+            return _content(tables, text, source)
     from pinotwin.logs.files.rosbag import load as load_ros
 
     return load_ros(path, source)
 
 
-def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[str], source: str) -> Content:
+def _content(tables: dict[str, Table], text: set[str], source: str) -> Content:
     if not tables:
         raise LogError(f"{source}: holds no messages; record it again")
     content = Content(left_out=sorted(text))
     for topic, table in tables.items():
         prefix = "" if len(tables) == 1 else topic.strip("/").replace("/", ".") + "."
-        arrays = table.arrays()
-        if "t" not in arrays:
-            arrays["t"] = seconds_since(times[topic][0], times[topic])
-            content.units[f"{prefix}t"] = "s"
-            content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
-        take_messages(content, topic, prefix, arrays, source)
+        take_messages(content, topic, prefix, table, source, "time of logging")
     return content

@@ -23,11 +23,13 @@ class Table:
 
     def __init__(self, source: str) -> None:
         self.rows, self._source = 0, source
+        self.stamps: list[int] = []  # of the rows that have one [ns]
         self._given = 0  # numbers in all rows
         self._columns: dict[str, array[float]] = {}
 
-    def add(self, pairs: Iterable[tuple[str, float]]) -> None:
-        """Append one row."""
+    def add(self, pairs: Iterable[tuple[str, float]], at: int | None) -> None:
+        """Append one row and, if it has one, its stamp [ns]."""
+        self.stamps += [] if at is None else [at]
         for name, x in pairs:
             if name not in self._columns:
                 self._columns[name] = array("d")
@@ -80,8 +82,8 @@ def numbers(value: object, name: str, text: set[str]) -> Iterator[tuple[str, flo
         yield name or "value", float("nan")
     elif isinstance(value, Mapping):
         yield from _members(value, name, text)
-    elif isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
-        for i, item in enumerate(np.asarray(value).tolist() if isinstance(value, np.ndarray) else value):
+    elif isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        for i, item in enumerate(value):
             yield from numbers(item, f"{name}[{i}]", text)
     else:
         text.add(name)
@@ -127,6 +129,4 @@ def _lists(message: Mapping[str, object]) -> Iterator[tuple[str, Sequence[object
 
 
 def _sequence(value: object) -> Sequence[object]:
-    if isinstance(value, np.ndarray):
-        return list(value.tolist())
     return value if isinstance(value, list | tuple) else ()

@@ -48,11 +48,9 @@ def load(path: Path, source: str) -> Content:
         stored = np.load(path, allow_pickle=False)
         named = dict(stored) if isinstance(stored, np.lib.npyio.NpzFile) else {"": stored}
     for name, x in named.items():
-        if name or x.dtype.names:
-            content.add(name, x)
-        else:
-            content.add(path.stem, x[None] if x.ndim == 1 else x)
-            # One vector still is `stem[0]`, so that a mapping by `[0]` finds it.
-            if x.ndim == 1 and path.stem in content.arrays:
-                content.arrays[f"{path.stem}[0]"] = content.arrays.pop(path.stem)[0]
+        if not name and not x.dtype.names:
+            name = (
+                f"{path.stem}[0]" if x.ndim == 1 else path.stem
+            )  # a mapping by `[0]` finds a single vector, too
+        content.add(name, x)
     return content

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import LogError
+from pinotwin.errors import InputError, LogError
 from pinotwin.log import Log, is_table
 from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import Holes, Seen, to_log
 from pinotwin.system.writing import as_path
+
+LogLike = Log | str | Path
+"""A log, or the name of its file (``a.csv+b.csv`` joins columns). A pandas table will do as well."""
 
 _FORMATS = {  # format -> module of this package, imported on use (h5py, scipy.io are slow), and endings
     "csv": ("text", ".csv .txt .tsv .dat .asc .log .sco"),
@@ -90,6 +93,28 @@ def read_argument(text: str, seen: Seen | None = None) -> Log:
     if not all(parts):
         raise LogError(f"{text}: an empty name beside '+'; write a.csv+b.csv")
     return _read(parts, seen=seen)
+
+
+def as_log(given: Any, name: str = "log") -> Log:
+    """Return a log as it is, or of a file, a DataFrame, a mapping of arrays; ``name``, of the argument, is said."""
+    if isinstance(given, Log):
+        return given
+    if isinstance(given, str | Path):
+        return read_argument(str(given))
+    if is_table(given):
+        return Log.from_pandas(given)
+    if isinstance(given, Mapping):
+        return Log(given)
+    raise InputError(
+        f"{name}: expected a Log, a file name or a pandas DataFrame, not {type(given).__name__}; arrays: "
+        "Log.from_arrays(t, q=q, u=u, axes=names)"
+    )
+
+
+def as_logs(given: Any, name: str = "log") -> list[Log]:
+    """Return one log or several as a list; see :func:`as_log`."""
+    several = isinstance(given, Sequence) and not isinstance(given, str)
+    return [as_log(one, name) for one in given] if several else [as_log(given, name)]
 
 
 def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:

@@ -16,7 +16,7 @@ import io
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.checksums import unpacked, verify, zstd
+from pinotwin.logs.files.checksums import Stream, unpacked, verify, zstd
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
 from pinotwin.logs.files.content import BROKEN, Content, undamaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
@@ -46,15 +46,14 @@ _BROKEN = (
 @dataclass
 class _Topic:
     servo: bool  # whether it goes on the clock of the joints
-    table: Table  # its numbers
-    stamps: list[int] = field(default_factory=list)  # of each message's header [ns]; 0 where not set
+    table: Table  # its numbers, and the stamps of the messages' headers [ns], 0 where not set
     logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
 
     @property
     def stamped(self) -> bool:
         """Whether the headers carry a clock: most messages that are not sent twice have a stamp of their own."""
-        sent = fresh(np.array(self.stamps, dtype=float), self.table.arrays())
-        return len(set(self.stamps)) > 0.5 * len(sent)
+        sent = fresh(np.array(self.table.stamps, dtype=float), self.table.arrays())
+        return len(set(self.table.stamps)) > 0.5 * len(sent)
 
 
 def load(path: Path, source: str) -> Content:
@@ -66,8 +65,9 @@ def load(path: Path, source: str) -> Content:
         if path.is_dir():
             _verify(path, source)
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            _verify_messages(reader.readers[0], path, source)
-            _verify_chunks(reader.readers[0], path, source)
+            size, unpacked_to = sum(p.stat().st_size for p in (path, *path.glob("*"))), 0
+            for stream in _packed(reader.readers[0]):
+                unpacked_to = unpacked(stream, source, size, unpacked_to)
             known = [c for c in reader.connections if _known(reader, c, unknown)]
             for connection, logged, raw in reader.messages(connections=known) if known else ():
                 _take(reader.deserialize(raw, connection.msgtype), connection, logged, topics, text)
@@ -92,22 +92,15 @@ def _verify(folder: Path, source: str) -> None:
             unpacked(zstd(file.open("rb")), source, file.stat().st_size)
 
 
-def _verify_messages(bag: Any, path: Path, source: str) -> None:
-    """Refuse a bag whose messages, where each is compressed, unpack to more than a log of its size may."""
-    size, held = sum(p.stat().st_size for p in (path, *path.glob("*"))), 0
+def _packed(bag: Any) -> Iterator[Stream]:
+    """Yield the messages of a bag where each is compressed, or the chunks of one of ROS 1, to be unpacked."""
     for storage in bag.storage.storages if getattr(bag, "compression_mode", None) == "message" else ():
-        for _, _, packed in storage.messages(storage.connections):
-            held = unpacked(zstd(packed), source, size, held)
-
-
-def _verify_chunks(bag: Any, path: Path, source: str) -> None:
-    """Refuse a ROS 1 bag whose chunks unpack to more than a log of its size may."""
-    held, packed = 0, {bz2.decompress: bz2.open, lz4.frame.decompress: lz4.frame.open}
+        yield from (zstd(packed) for _, _, packed in storage.messages(storage.connections))
+    streams_of = {bz2.decompress: bz2.open, lz4.frame.decompress: lz4.frame.open}
     for chunk in getattr(bag, "chunks", {}).values():
-        if chunk.decompressor in packed:
+        if chunk.decompressor in streams_of:
             bag.bio.seek(chunk.datapos)
-            stream = packed[chunk.decompressor](io.BytesIO(bag.bio.read(chunk.datasize)))
-            held = unpacked(stream, source, path.stat().st_size, held)
+            yield streams_of[chunk.decompressor](io.BytesIO(bag.bio.read(chunk.datasize)))
 
 
 def _lost(known: list[Connection], topics: dict[str, _Topic]) -> Iterator[str]:
@@ -148,16 +141,15 @@ def _take(
         pairs = _vectors(value, {"angular_velocity": "g", "linear_acceleration": "a"})
     else:
         pairs = numbers(value, "", text)
-    topic.table.add(pairs)
-    topic.stamps.append(stamp(value) or 0)
+    topic.table.add(pairs, stamp(value) or 0)
     topic.logged.append(logged)
 
 
 def _plain(message: Any) -> Any:
     if is_dataclass(message):
-        return {
-            f.name: _plain(getattr(message, f.name)) for f in fields(message) if not f.name.startswith("__")
-        }
+        return {name: _plain(part) for name, part in vars(message).items()}
+    if isinstance(message, np.ndarray):
+        return message.tolist()
     return [_plain(item) for item in message] if isinstance(message, list) else message
 
 
@@ -175,7 +167,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     by_header = all(topic.stamped for topic in topics.values())
     clock = "the messages' headers" if by_header else "time of logging"
     content.notes.append(f"t: {clock}, in seconds since the first message")
-    times = {name: topic.stamps if by_header else topic.logged for name, topic in topics.items()}
+    times = {name: topic.table.stamps if by_header else topic.logged for name, topic in topics.items()}
     origin = min(min(t) for t in times.values())
     servo = {name: topic for name, topic in topics.items() if topic.servo}
     if servo:

@@ -34,22 +34,21 @@ def inspect_axes(
     moving = [name for name in present if table[name].moves]
     if ticks is None or not moving:
         return table, np.inf
-    q = np.column_stack([log[f"{name}.q"] for name in moving])
-    good = np.asarray(np.isfinite(q).all(axis=1))
+    raw = np.column_stack([log[f"{name}.q"] for name in moving])
+    good = np.asarray(np.isfinite(raw).all(axis=1))
     stretches = [s for s in signals.segments(log.t, valid=good) if s.stop - s.start >= _SHORTEST]
     if not stretches:
         return table, np.inf
-    cutoff = signals.suggest_cutoff(q, ticks.rate, stretches)
-    q, v, a = signals.derivatives(q, ticks.rate, cutoff, segments=stretches)
+    cutoff = signals.suggest_cutoff(raw, ticks.rate, stretches)
+    q, v, a = signals.derivatives(raw, ticks.rate, cutoff, segments=stretches)
     longest = max(s.stop - s.start for s in stretches)
     edge = min(signals.edge_samples(cutoff, ticks.rate), longest // 4)
-    inside = signals.interior(len(q), edge, stretches)
+    inside = signals.interior(len(raw), edge, stretches)
     top, sharpest = np.abs(v[inside]).max(axis=0), np.abs(a[inside]).max(axis=0)
     for name, speed, acceleration in zip(moving, top.tolist(), sharpest.tolist(), strict=True):
         table[name] = replace(table[name], speed=speed, acceleration=acceleration)
     if ticks.rate >= settings.slow_rate:
         # Reversals of dry friction tell a lead above the band of the motion; at a crawl it is no function of speed.
-        raw = np.column_stack([log[f"{name}.q"] for name in moving])
         corner = min(3.0 * cutoff, 0.45 * ticks.rate)
         usable = inside[:, None] & (np.abs(v) > 0.05 * top)
         del q, v, a  # of a long log there is room for one set only
@@ -117,6 +116,7 @@ def axis_findings(
             yield from _unit_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), own)
         yield from _agreement(log, name, settings)
+        yield from _slipped(log, name, settings, rotary=axes[name])
         if axis.moves and ticks is not None:
             yield from _unstable(log, name, ticks, settings)
             yield from _hunting(log, name, axes, ticks)
@@ -257,14 +257,18 @@ def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Itera
         yield finding("position_scale", f"{name}.q", factor=factor)
 
 
-def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4) -> tuple[float, float]:
-    """Return how many times as far as its command a position goes, and the error, from the places where it rests."""
+def _rests(q: Floats, command: Floats, stay: int = 20) -> tuple[list[slice], Floats]:
+    """Return where a command rests, and the places there of command and position, (2, k)."""
     speed = np.abs(np.diff(command, prepend=command[:1]))
     rests = [s for s in signals.runs(speed <= 1e-3 * speed.max(initial=0.0)) if s.stop - s.start >= stay]
-    if len(rests) < places:
-        return 1.0, np.inf
-    x, y = (np.array([z[(s.start + s.stop) // 2 : s.stop - 1].mean() for s in rests]) for z in (command, q))
-    if not np.ptp(x) > 0.1 * np.ptp(command):
+    places = [[z[(s.start + s.stop) // 2 : s.stop - 1].mean() for s in rests] for z in (command, q)]
+    return rests, np.array(places)
+
+
+def _factor_at_rest(q: Floats, command: Floats, places: int = 4) -> tuple[float, float]:
+    """Return how many times as far as its command a position goes, and the error, from the places where it rests."""
+    rests, (x, y) = _rests(q, command)
+    if len(rests) < places or not np.ptp(x) > 0.1 * np.ptp(command):
         return 1.0, np.inf
     x, y = x - x.mean(), y - y.mean()
     factor = float(x @ y) / float(x @ x)
@@ -272,6 +276,32 @@ def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4)
     weight = x**2 / float(x @ x) + 1.0 / len(x)  # what leaving one out moves the factor by
     moved = x * away / (float(x @ x) * (1.0 - np.minimum(weight, 0.999)))
     return factor, float(np.sqrt((len(x) - 1) / len(x) * np.sum(moved**2)))
+
+
+def _slipped(log: Log, name: str, settings: Settings, *, rotary: bool) -> Iterator[Finding]:
+    """Say since when a position rests off its command by as much wherever it is, from whichever side it came."""
+    if f"{name}.qr" not in log or "t" not in log:
+        return
+    rows = np.isfinite(log[f"{name}.q"]) & np.isfinite(log[f"{name}.qr"]) & np.isfinite(log.t)
+    q, command, t = log[f"{name}.q"][rows], log[f"{name}.qr"][rows], log.t[rows]
+    rests, (x, y) = _rests(q, command)
+    away, side = y - x, np.sign(np.diff(x, prepend=command[:1]))
+    change = np.abs(np.diff(away))
+    late = np.flatnonzero(change > 0.5 * change.max(initial=0.0)) + 1
+    parts = np.diff([0, *late, len(rests)])
+    if not len(late) or parts.min() < 2 or len(rests) < len(late) + 9:
+        return  # what comes and goes has not slipped, and of few places chance may have chosen the best
+    since = (np.arange(len(rests))[:, None] >= late).astype(float)
+    X = np.column_stack([since, np.ones(len(x)), x - x.mean(), side])
+    size = np.linalg.lstsq(X, away, rcond=None)[0]
+    left = signals.rms(away - X @ size) * np.sqrt(len(x) / max(len(x) - X.shape[1], 1))
+    least = max(settings.rescaled_sure * max(left, quantisation_step(q) or 0.0), settings.slipped * np.ptp(x))
+    steps = size[: len(late)]
+    if np.abs([steps, np.cumsum(steps)]).min() > least:
+        unit, begins = "mrad" if rotary else "mm", [float(t[rests[k].start]) for k in late]
+        pairs = zip(np.cumsum(steps), begins, strict=True)
+        words = " and ".join(f"by {1e3 * x:.3g} {unit} from {start:.6g} s on" for x, start in pairs)
+        yield finding("slipped", f"{name}.q", words=words)
 
 
 def lost_motion(away: Floats, speed: Floats) -> float:
@@ -282,7 +312,7 @@ def lost_motion(away: Floats, speed: Floats) -> float:
 
 
 def _geared(log: Log, name: str, rows: Mask) -> str:
-    """Return the transmission by which a motor turns several joints, in words; "" where it follows from none."""
+    """Return the row of a transmission by which a motor turns several joints; "" where it follows from none."""
     others = [k for k in log.channels if k.endswith(".q") and k != f"{name}.q"]
     moved = [log[k][rows] for k in (f"{name}.ql", *others)]
     y = log[f"{name}.q"][rows] - np.mean(log[f"{name}.q"][rows])
@@ -294,8 +324,7 @@ def _geared(log: Log, name: str, rows: Mask) -> str:
     if np.std(y - X @ ratio) > 0.1 * _TURNS * y.std() or not turns[0] or not turns[1:].any():
         return ""
     owners = [k.rpartition(".")[0] for k in (f"{name}.q", *others)]
-    row = ", ".join(f"{k}: {x:.4g}" for k, x, on in zip(owners, ratio, turns, strict=True) if on)
-    return f"its motor turns several joints; write transmission: {{{name}: {{{row}}}}} in machine.yaml"
+    return ", ".join(f"{k}: {x:.4g}" for k, x, on in zip(owners, ratio, turns, strict=True) if on)
 
 
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
@@ -314,11 +343,12 @@ def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
     lost = lost_motion(away, np.gradient(q))
     correlation = float(np.corrcoef(q, ql)[0, 1])
     wrong = not 0.8 < slope < 1.25 or correlation < 0.9
-    remedy = ""
-    if wrong:
-        geared = _geared(log, name, good) if away.std() > _TURNS * ql.std() else ""
-        remedy = f"; it moves {slope:.4g} times as far: "
-        remedy += geared or "another unit, sign or axis? check columns"
+    if wrong and away.std() > _TURNS * ql.std() and (row := _geared(log, name, good)):
+        yield finding("motor_turns_several", f"{name}.ql", axis=name, row=row)
+        return
+    remedy = (
+        f"; it moves {slope:.4g} times as far: another unit, sign or axis? check columns" if wrong else ""
+    )
     sizes = {"offset": 1e6 * offset, "rms": 1e6 * float(away.std()), "lost": 1e6 * lost}
     said = {"unit": "µrad" if rotary else "µm", "correlation": correlation, "remedy": remedy}
     yield finding("load_position", f"{name}.ql", "warning" if wrong else "info", **sizes, **said)

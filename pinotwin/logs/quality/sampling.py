@@ -8,7 +8,7 @@ import numpy as np
 
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
-from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.files import LogLike, as_log
 from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import Clock, clock, joined, uniform
