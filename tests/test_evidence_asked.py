@@ -94,6 +94,16 @@ def test_a_public_case_is_right_by_name_axis_number_instant_and_words():
     assert not loop("Traceback: no closed loop")
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "right"),
+    [(0.65, 2.66, True), (0.65, 2.0, True), (0.65, 3.3, False), (None, 3.0, False)],
+)
+def test_a_number_is_right_as_it_is_or_as_its_change(before, after, right):
+    document = named(("coulomb", "X", after))
+    document["effects"][0]["size"]["before"] = before
+    assert public.right(public.RIGHT["corexy_idler_drags"], document, "at the motor") == right
+
+
 def test_a_case_of_two_questions_is_right_with_both(tmp_path: Path):
     name, rows = "gas_spring_lost_40_percent", []
     for question, document, text in (

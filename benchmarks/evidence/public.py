@@ -178,9 +178,10 @@ def right(wanted: Right, document: Row, text: str) -> bool:
 
 def _near(effect: Row, numbers: Sequence[float]) -> bool:
     """Return whether a number of an effect, or its change, is one of these [SI], whatever its sign; none is any."""
-    size = effect.get("size") or {}
-    change = [size["after"] - size["before"]] if {"after", "before"} <= size.keys() else []
-    told = [size.get("after"), *change, *effect.get("theta", {}).values()]
+    size = effect.get("size", {})
+    before, after = size.get("before"), size.get("after")
+    change = [] if None in (before, after) else [after - before]
+    told = [after, *change, *effect.get("theta", {}).values()]
     sizes = [abs(x) for x in told if isinstance(x, int | float)]
     return not numbers or any(abs(x - y) <= NEAR * y for x in sizes for y in numbers)
 
