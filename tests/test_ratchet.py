@@ -53,7 +53,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 53_540,
+    lines: 53_538,
     module_numbers: 101,
     numbers_without_unit: 284,
     stories: 5,

@@ -142,8 +142,8 @@ def named_data(d: Diagnosis, x: Shrink) -> str:
 
 
 def _stays(d: Diagnosis, most: int) -> list[str]:
-    """Return what is left, axis by axis, as the grades have it, of ``most`` axes."""
-    out: list[str] = []
+    """Return what is left, axis by axis, as the grades have it, of ``most`` axes; why, once for those that share it."""
+    out, told = list[str](), set[str]()
     for axis, row in d.gap.items():
         if "u" not in row or len(out) >= most:
             continue
@@ -153,7 +153,8 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
         times = g.rms / g.level if g.level else math.nan
         sizes = {"rms": scale.text(g.rms), "after": display.number(g.after * scale.factor), "times": times}
-        looks = f" It {plain_sentence(why).removeprefix('it ')}." if why else ""
+        looks = f" It {plain_sentence(why).removeprefix('it ')}." if why and why not in told else ""
+        told.add(why)
         # no larger than expected, its size is no sign: the pattern is
         form = "pattern" if word == "not explained" and 0.0 < g.rms <= g.level else word
         if form in DIAGNOSED:

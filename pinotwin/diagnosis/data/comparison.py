@@ -153,10 +153,7 @@ UNSURE = (
 
 
 def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
-    """Return a comparison of the joints whose effort the twin knows; of none, those with a second encoder tell of it.
-
-    The whole comparison, if neither is left.
-    """
+    """Return the comparison of joints whose effort the twin knows; if none, of those with two encoders, or all."""
     never = "it moves outside the twin's data; identify it on the whole travel"
     why = {j: never if c.machine.names[j] in lost else UNSURE for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
