@@ -121,7 +121,9 @@ def compare(
         differ = apart(logs, [sample(*left_of(twin, m)) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
-        twin, ready, (motions, sealed) = _ready(subject, [logs[k] for k in kept], validation)
+        ready, motions = ([ready[0][k] for k in kept], ready[1]), [motions[k] for k in kept]
+        if not change:  # the twin is that of the logs which are kept
+            twin, ready, (motions, sealed) = _ready(subject, [logs[k] for k in kept], validation)
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)

@@ -95,10 +95,7 @@ class Gate:
     @property
     def remains(self) -> Mapping[str, str]:
         """Axis of which no cause is named -> what its residual is, in words; of which nothing is said -> why."""
-        return {
-            **{a: f"cannot be traced to a cause: {why}" for a, why in self.nameless.items()},
-            **self.silent,
-        }
+        return {a: f"cannot be traced to a cause: {x}" for a, x in self.nameless.items()} | dict(self.silent)
 
     @property
     def warnings(self) -> list[str]:

@@ -115,9 +115,7 @@ def usual(r: Reference, *, search: bool) -> Usual:
                 numbers[one] = numbers.get(one, 0.0) + x.theta / len(days)
     groups = {kind[:2] for kind in seen}
     average = {g: float(np.mean([seen.get((*g, axis), 0.0) for axis in r.axes])) for g in groups}
-    every = {
-        (*g, axis): max(seen.get((*g, axis), 0.0), average[g]) for g in groups for axis in (*r.axes, ALL)
-    }
+    every = {(*g, k): max(seen.get((*g, k), 0.0), average[g]) for g in groups for k in (*r.axes, ALL)}
     return Usual(every, numbers)
 
 

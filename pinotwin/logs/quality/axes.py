@@ -115,8 +115,7 @@ def axis_findings(
         if not (axis.rotary and name in limits and limits[name].position is None):
             yield from _unit_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), own)
-        yield from _agreement(log, name, settings)
-        yield from _slipped(log, name, settings, rotary=axes[name])
+        yield from _agreement(log, name, settings, rotary=axes[name])
         if axis.moves and ticks is not None:
             yield from _unstable(log, name, ticks, settings)
             yield from _hunting(log, name, axes, ticks)
@@ -223,7 +222,7 @@ def _swings(x: Floats, least: float) -> int:
     return int(np.count_nonzero(np.diff(side[side != 0.0])))
 
 
-def _agreement(log: Log, name: str, settings: Settings) -> Iterator[Finding]:
+def _agreement(log: Log, name: str, settings: Settings, *, rotary: bool) -> Iterator[Finding]:
     """Compare position with command and with velocity: other units or other axes show at once."""
     q = log[f"{name}.q"]
     if f"{name}.qr" in log:
@@ -232,7 +231,11 @@ def _agreement(log: Log, name: str, settings: Settings) -> Iterator[Finding]:
         fine = has_more_values(q[both], _LEVELS)
         if fine and np.mean(q[both] == command[both]) > settings.twice:
             yield finding("command_is_position", f"{name}.q", axis=name)
-        yield from _follows(name, q[both], command[both], settings)
+        rests, at = _rests(q[both], command[both])
+        yield from _follows(name, q[both], command[both], at, settings)
+        if "t" in log:
+            begins = log.t[both][[s.start for s in rests]]
+            yield from _slipped(name, q[both], begins, at, settings, rotary=rotary)
     if f"{name}.v" in log and "t" in log:
         good = np.isfinite(q) & np.isfinite(log[f"{name}.v"]) & np.isfinite(log.t)
         rise, t = np.diff(q[good]), np.diff(log.t[good])
@@ -245,10 +248,10 @@ def _agreement(log: Log, name: str, settings: Settings) -> Iterator[Finding]:
             yield finding("velocity_disagrees", f"{name}.v", ratio=ratio)
 
 
-def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Iterator[Finding]:
+def _follows(name: str, q: Floats, command: Floats, at: Floats, settings: Settings) -> Iterator[Finding]:
     if not len(q) or not np.ptp(q) > 0.0:
         return
-    factor, error = _factor_at_rest(q, command)
+    factor, error = _factor_at_rest(at, float(np.ptp(command)))
     sure = abs(factor - 1.0) > max(settings.rescaled_sure * error, settings.rescaled)
     if np.std(q - command) > settings.follows * np.std(q):
         times = f": at rest the position goes {factor:.4g} times as far" if sure else ""
@@ -258,17 +261,17 @@ def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Itera
 
 
 def _rests(q: Floats, command: Floats, stay: int = 20) -> tuple[list[slice], Floats]:
-    """Return where a command rests, and the places there of command and position, (2, k)."""
+    """Return where a command rests; command and position there, and from which side it came, (3, k)."""
     speed = np.abs(np.diff(command, prepend=command[:1]))
     rests = [s for s in signals.runs(speed <= 1e-3 * speed.max(initial=0.0)) if s.stop - s.start >= stay]
-    places = [[z[(s.start + s.stop) // 2 : s.stop - 1].mean() for s in rests] for z in (command, q)]
-    return rests, np.array(places)
+    x, y = ([z[(s.start + s.stop) // 2 : s.stop - 1].mean() for s in rests] for z in (command, q))
+    return rests, np.array([x, y, np.sign(np.diff(x, prepend=command[:1]))])
 
 
-def _factor_at_rest(q: Floats, command: Floats, places: int = 4) -> tuple[float, float]:
+def _factor_at_rest(at: Floats, travel: float, places: int = 4) -> tuple[float, float]:
     """Return how many times as far as its command a position goes, and the error, from the places where it rests."""
-    rests, (x, y) = _rests(q, command)
-    if len(rests) < places or not np.ptp(x) > 0.1 * np.ptp(command):
+    x, y, _ = at
+    if len(x) < places or not np.ptp(x) > 0.1 * travel:
         return 1.0, np.inf
     x, y = x - x.mean(), y - y.mean()
     factor = float(x @ y) / float(x @ x)
@@ -278,28 +281,28 @@ def _factor_at_rest(q: Floats, command: Floats, places: int = 4) -> tuple[float,
     return factor, float(np.sqrt((len(x) - 1) / len(x) * np.sum(moved**2)))
 
 
-def _slipped(log: Log, name: str, settings: Settings, *, rotary: bool) -> Iterator[Finding]:
-    """Say since when a position rests off its command by as much wherever it is, from whichever side it came."""
-    if f"{name}.qr" not in log or "t" not in log:
-        return
-    rows = np.isfinite(log[f"{name}.q"]) & np.isfinite(log[f"{name}.qr"]) & np.isfinite(log.t)
-    q, command, t = log[f"{name}.q"][rows], log[f"{name}.qr"][rows], log.t[rows]
-    rests, (x, y) = _rests(q, command)
-    away, side = y - x, np.sign(np.diff(x, prepend=command[:1]))
+def _slipped(
+    name: str, q: Floats, begins: Floats, at: Floats, settings: Settings, *, rotary: bool
+) -> Iterator[Finding]:
+    """Say since when a position rests off its command by as much wherever it is, from whichever side it came.
+
+    ``begins``: of each rest [s], (k,); ``at``: see :func:`_rests` [m or rad].
+    """
+    x, y, side = at
+    away = y - x
     change = np.abs(np.diff(away))
     late = np.flatnonzero(change > 0.5 * change.max(initial=0.0)) + 1
-    parts = np.diff([0, *late, len(rests)])
-    if not len(late) or parts.min() < 2 or len(rests) < len(late) + 9:
+    parts = np.diff([0, *late, len(x)])
+    if not len(late) or parts.min() < 2 or len(x) < len(late) + 9:
         return  # what comes and goes has not slipped, and of few places chance may have chosen the best
-    since = (np.arange(len(rests))[:, None] >= late).astype(float)
+    since = (np.arange(len(x))[:, None] >= late).astype(float)
     X = np.column_stack([since, np.ones(len(x)), x - x.mean(), side])
     size = np.linalg.lstsq(X, away, rcond=None)[0]
     left = signals.rms(away - X @ size) * np.sqrt(len(x) / max(len(x) - X.shape[1], 1))
     least = max(settings.rescaled_sure * max(left, quantisation_step(q) or 0.0), settings.slipped * np.ptp(x))
     steps = size[: len(late)]
     if np.abs([steps, np.cumsum(steps)]).min() > least:
-        unit, begins = "mrad" if rotary else "mm", [float(t[rests[k].start]) for k in late]
-        pairs = zip(np.cumsum(steps), begins, strict=True)
+        unit, pairs = "mrad" if rotary else "mm", zip(np.cumsum(steps), begins[late], strict=True)
         words = " and ".join(f"by {1e3 * x:.3g} {unit} from {start:.6g} s on" for x, start in pairs)
         yield finding("slipped", f"{name}.q", words=words)
 
